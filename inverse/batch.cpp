@@ -45,7 +45,7 @@ int captures_per_placement(std::span<const Capture* const> captures) {
   return std::max(count / std::max(static_cast<int>(placements.size()), 1), 1);
 }
 
-/// Runs a fit; whatever it throws becomes the result's error.
+/// Runs a fit. A std::exception that it throws becomes the result's error.
 template <typename Fit>
 FitResult guarded(const Fit& fit) {
   FitResult failed;

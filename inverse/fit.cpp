@@ -29,28 +29,29 @@
 namespace blindcorner {
 namespace {
 
-/// Captures of a joint fit that search for the rest of them, where there are so many times more;
-/// what they must gain over the empty scene in log posterior, misfit counted (a signal-to-noise
-/// ratio of sqrt(2 * 100) = 14); and optima that may be left. The numbers of captures
-/// and of optima by judgement: a search by so few costs half of one by all, or less.
+/// A joint fit of at least kTimesFew * kFew captures searches with kFew of them. Their search
+/// counts if it gains kClear over the empty scene in log posterior, divided by the inflation (a
+/// signal-to-noise ratio of sqrt(2 * 100) = 14), and leaves at most kFewOptima optima. The numbers
+/// of captures and of optima are by judgement: a search by so few costs at most half of one by all.
 constexpr std::size_t kFew = 4, kTimesFew = 2;
 constexpr double kClear = 100;
 constexpr std::size_t kFewOptima = 8;
 
-/// Samples in proportion to the cube of the number of unknowns, of which three and fewer ask for
-/// the options' number: the more directions there are, the more of them may have tails. With half
-/// of it for two unknowns, ends of a ball's ridges (mirror_wall, 2000 captures) were missed: .937
-/// instead of .952 of truths in the 95 % region. With twice as many for the six unknowns of two
-/// spheres (10,000 photons), the normalised error is 1.27 where forty times as many have 1.16. A
-/// joint fit of many captures pays for each sample as many times: a quarter of them does.
+/// Number of samples. Up to three unknowns get the options' number; more unknowns get samples in
+/// proportion to the cube of their number, because the more directions there are, the more of them
+/// may have tails. With half of it for two unknowns, ends of a ball's ridges (mirror_wall, 2000
+/// captures) were missed: 0.937 instead of 0.952 of truths were in the 95 % region. With twice as
+/// many for the six unknowns of two spheres (10,000 photons), the normalised error is 1.27; with
+/// forty times as many it is 1.16. A joint fit of many captures pays for each sample in every
+/// capture, so it takes a quarter of the samples.
 int samples_for(const FitOptions& options, const Scene& scene, std::size_t captures) {
   const auto n = static_cast<double>(scene.unknowns.size());
   const double dear = captures < kTimesFew * kFew ? 1 : 4;
   return static_cast<int>(options.importance_samples * std::max(std::pow(n / 3, 3), 1.0) / dear);
 }
 
-/// Captures whose sensors stand as far apart as possible: each is the farthest one from those
-/// before it, the first the farthest from the middle. Of equal ones the first.
+/// Captures whose sensors stand far apart. The first is the farthest from the middle, and each
+/// further one is the farthest from those before it. Of equally far ones, the first is taken.
 std::vector<std::size_t> spread_out(const Scene& scene, std::span<const Capture> captures,
                                     std::size_t count) {
   std::vector<Eigen::Vector3d> at;
@@ -95,7 +96,7 @@ struct Fitter::Impl {
   struct Search {
     std::vector<Refined> optima;  ///< best first
     double negligible = 0;        ///< log posterior below the best that may be dropped
-    long renders = 0;             ///< of an objective of its own
+    long renders = 0;             ///< by an objective of its own
   };
   Search search(const PoseObjective& objective, const Scored& scored) const;
   std::optional<Search> search_by_few(std::span<const Capture> captures);
@@ -108,8 +109,8 @@ struct Fitter::Impl {
 Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
                                           const Scored& scored) const {
   const std::vector<Start> starts = choose_starts(objective, scored);
-  // The models' own error must not decide which basins are dropped: what the best one misses of its
-  // expectation, a better model may give to another.
+  // The models' own error must not decide which basins are dropped: a better model may give to
+  // another basin what the best one lacks of its expected log likelihood.
   constexpr double kAll = std::numeric_limits<double>::infinity();
   const std::vector<Refined> basins =
       merge(objective.compiled(), approach_all(objective, starts), kAll);
@@ -124,9 +125,9 @@ Fitter::Impl::Search Fitter::Impl::search(const PoseObjective& objective,
   return found;
 }
 
-/// The search by a few captures of many, from places as far apart as any: what costs a model of
-/// each capture at every step of every descent is done for a few of them. Nothing where there are
-/// few anyway, or where these do not see the object so clearly that no other place could win.
+/// The search by a few of many captures, from places far apart. Each step of each descent then
+/// costs a model for each of the few captures and not for all. Returns nothing if there are few
+/// captures anyway, or if the few do not see the object so clearly that no other place could win.
 std::optional<Fitter::Impl::Search> Fitter::Impl::search_by_few(std::span<const Capture> captures) {
   if (captures.size() < kTimesFew * kFew) return std::nullopt;
   std::vector<SensorPlacement> placements;
@@ -148,7 +149,7 @@ std::optional<Fitter::Impl::Search> Fitter::Impl::search_by_few(std::span<const 
   const Refined& top = found.optima.front();
   const double inflation = goodness_of_fit(objective, top).inflation;
   const double gain = (top.value.log_posterior - nothing.log_posterior) / inflation;
-  // What misfit costs every place alike makes none of them better.
+  // Misfit that costs all places the same makes none of them better.
   const double least = top.value.log_posterior - inflation * options.negligible_log_posterior;
   std::erase_if(found.optima,
                 [&](const Refined& other) { return other.value.log_posterior < least; });
@@ -158,7 +159,7 @@ std::optional<Fitter::Impl::Search> Fitter::Impl::search_by_few(std::span<const 
   return found;
 }
 
-/// The same places by all captures.
+/// The optima that the few captures found, found again with all captures.
 Fitter::Impl::Search Fitter::Impl::on_all(const PoseObjective& objective, const Search& few) const {
   Search all = few;
   all.optima.clear();

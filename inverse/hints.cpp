@@ -16,29 +16,32 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Places along each unknown coordinate, by judgement: 729 of three, in the middles of ninths of
-/// the ranges.
+/// Places along each unknown coordinate, by judgement: 729 for three coordinates, in the middles of
+/// ninths of the ranges.
 constexpr int kLattice = 9;
-/// Cells along each side of a zone and of the lit field, by judgement: of each, the
-/// nearest and the farthest of these corners count.
+/// Cells along each side of a zone and of the lit field, by judgement. The nearest and the farthest
+/// centres of these cells count.
 constexpr int kZoneCells = 2, kFieldCells = 6;
 /// A share of the search region that is worth a sentence: by judgement.
 constexpr double kWorthSaying = 0.02;
-/// As good as all of it: all but less than half a per cent, which a sentence would round to all.
+/// A share above this is called all: what is missing is less than half a per cent, which a sentence
+/// would round away.
 constexpr double kAll = 0.995;
-/// Of the pulse's core: light is in a bin that it reaches by this many standard deviations, all but
-/// 2 % of it.
+/// Half width of a pulse in standard deviations of its core. A place counts as unseen only if at
+/// least 98 % of its light misses the bins.
 constexpr double kPulse = 2;
-/// A fit this many standard deviations off, with deviances this many times the expected, is not a
-/// matter of details: the stability table's wrong scenes stay below 30.
+/// A deviance this many standard deviations off, and this many times the expected one, is not a
+/// matter of details: the wrong scenes of the stability table stay below 30.
 constexpr double kFarOff = 30, kManyTimes = 2;
-/// Counts differ by more than this factor: brightness, not shape. By judgement.
+/// If the counts differ from the model's by more than this factor, the brightness is wrong and not
+/// the shape. By judgement.
 constexpr double kOtherBrightness = 1.15;
 
-/// Pieces of the relay that one zone, or all, look at or are lit by.
+/// Pieces of the relay that one zone or all zones see, or that are lit for them.
 using Patches = std::vector<WeightedPatch>;
 
-/// The shortest and longest way from one end by way of patches that face a place to the place.
+/// The shortest and the longest way to a place from the light or the sensor, by way of the patches
+/// that face the place.
 struct Legs {
   double shortest = std::numeric_limits<double>::infinity(), longest = 0;
 
@@ -87,8 +90,8 @@ class SeenRelay {
 
   const std::string& names() const { return names_; }
 
-  /// Adds `share` to what keeps a place unseen, if anything does.
-  /// `radius`: of the body about the place, m.
+  /// Adds `share` to the reason why a place is unseen, if there is one. `radius` is that of the
+  /// body about the place, m.
   void judge(const Vector3d& place, double radius, double share, RegionReach& reach) const {
     const Sensor& sensor = scene_.sensor;
     bool faced = false, late = false;
@@ -101,7 +104,7 @@ class SeenRelay {
       const Legs out = legs_to(seen_[i], place, 1);
       if (!in.any() || !out.any()) continue;
       faced = true;
-      if (sensor.wrap(z) > 0) return;  // late light comes back
+      if (sensor.wrap(z) > 0) return;  // late light wraps to early bins
       const auto bin_of = [&](double path, double shift) {
         return (sensor.zones[i].time_zero + path / kSpeedOfLight + shift) / sensor.bin_width;
       };
@@ -154,7 +157,8 @@ double longest_path(const Sensor& sensor) {
   return longest;
 }
 
-/// Sentences about places, of which `what` ("of the search region", "the object") is unseen.
+/// Sentences about unseen parts of `region_of` ("the search region"), or about the unseen object if
+/// it is empty.
 std::vector<std::string> sentences(const Sensor& sensor, const RegionReach& reach,
                                    const std::string& region_of, const std::string& remedy) {
   std::vector<std::string> list;
@@ -225,8 +229,8 @@ std::vector<std::string> misfit_hints(const Scene& scene, const FitResult& resul
           remedy};
 }
 
-/// Of the positions' covariance along the direction that it knows best, m^2: of one object the way
-/// of its light, which a shift of the time axis moves it along.
+/// Variance of the positions along the direction that is known best, m^2. For one object this is
+/// the way of its light, along which a shift of the time axis moves it.
 double least_position_variance(const Scene& scene, const Eigen::MatrixXd& covariance) {
   std::vector<Eigen::Index> positions;
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
@@ -240,8 +244,9 @@ double least_position_variance(const Scene& scene, const Eigen::MatrixXd& covari
       .minCoeff();
 }
 
-/// A pose takes up an error of time zero without a trace: deviances stay where they belong (ten
-/// captures of 30,000 photons on tmf8828_wall without its direct return, half a bin off).
+/// Warns that nothing checks time zero. A pose takes up an error of time zero without a trace: the
+/// deviance stays as expected (ten captures of 30,000 photons on tmf8828_wall without its direct
+/// return, with time zero half a bin off).
 std::string time_zero_hint(const Scene& scene, const FitResult& result) {
   const LinearUnknowns& linear = scene.linear;
   if (linear.direct != LinearMode::fixed || linear.fixed_direct != 0) return {};

@@ -10,11 +10,12 @@
 namespace blindcorner {
 namespace {
 
-/// Captures of one sensor placement for which tables of exact histograms pay: they cost seconds,
-/// and save some ten milliseconds each.
+/// Number of captures of one sensor placement from which tables of exact histograms pay: the tables
+/// cost seconds and save some ten milliseconds for each capture.
 constexpr int kManyCaptures = 50;
-/// Finite-difference steps of the sensor's own pose, m and rad (a metre away as long): 4 mm of path
-/// at most, for a pulse of 4 cm an error of (h / sigma)^2 / 6 = 0.2 %.
+/// Finite-difference step of the sensor's own pose, m and rad (of equal length a metre away). It
+/// changes a path by 4 mm at most, which is an error of (h / sigma)^2 / 6 = 0.2 % for a pulse of
+/// 4 cm.
 constexpr double kSensorStep = 2e-3;
 
 bool same(const std::vector<SensorPlacement>& a, const std::vector<SensorPlacement>& b) {

@@ -20,15 +20,15 @@ struct Prepared {
   std::vector<SensorPlacement> placements;
   std::once_flag once;
   std::unique_ptr<CompiledScene> compiled;
-  /// With the ranges near the relay, where these are a small part; its finer grid gives starts.
-  /// Null until a fit searches: a frame that is tracked does not.
+  /// The scene with ranges near the relay, if these are a small part of the search region. Its
+  /// finer grid gives starts. Null until a fit searches, which the fit of a tracked frame does not.
   std::once_flag near_once;
   std::unique_ptr<CompiledScene> near;
   std::unique_ptr<MovedModels> moved;
   std::unique_ptr<FalseAlarmCalibration> false_alarms;  ///< null until somebody asks
   std::atomic<std::size_t> bytes{0};                    ///< 0 until it is compiled
 
-  /// For who has fitted with this.
+  /// Updates `bytes` after a fit, which may have compiled more.
   void count_bytes() { bytes = compiled->bytes() + (near ? near->bytes() : 0); }
 };
 
@@ -36,18 +36,19 @@ struct Prepared {
 /// FitOptions::cache_bytes. Thread safe.
 class PreparedScenes {
  public:
-  /// Both must outlive this, where they are.
+  /// Both must outlive this object and stay where they are.
   PreparedScenes(const Scene& scene, const FitOptions& options);
 
-  /// The scene compiled for these placements; compiled once, by whoever comes first.
+  /// The scene compiled for these placements. It is compiled once, by whoever asks first.
   std::shared_ptr<Prepared> at(const std::vector<SensorPlacement>& placements);
 
   /// The part near the relay, where the scene needs one; null where it does not.
   const CompiledScene* near_relay(Prepared& whole) const;
 
-  /// What is known about empty captures. Their law hardly depends on where the sensor stands: that
-  /// of the scene's own sensor placement serves all single captures of a sensor that moves.
-  /// Kept for as long as this is: other threads may be asking it while the cache lets it go.
+  /// What is known about empty captures. Their law hardly depends on where the sensor stands, so
+  /// that the law at the scene's own sensor placement serves all single captures of a moving
+  /// sensor. That placement is kept as long as this object, because other threads may use it while
+  /// the cache drops it.
   FalseAlarmCalibration& false_alarms(const std::shared_ptr<Prepared>& own);
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What most options of vehicles and control have to be.
+/// Check for options of vehicles and control, most of which have to be positive.
 #pragma once
 
 namespace blindcorner {

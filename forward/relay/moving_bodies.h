@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Hidden objects in each other's way.
+/// Hidden objects as occluders.
 #pragma once
 
 #include <utility>
@@ -11,8 +11,8 @@
 
 namespace blindcorner {
 
-/// Hidden objects that stand in the way of light, wherever the pose puts them: flat faces, and
-/// round bodies by the silhouettes that a point sees of them.
+/// Hidden objects that stand in the way of light, at any pose. A flat shape is kept as faces. A
+/// round body is kept as a function that gives the silhouette which a point sees of it.
 class MovingBodies {
  public:
   bool empty() const { return flat_.empty() && round_.empty(); }
@@ -25,7 +25,7 @@ class MovingBodies {
     if (silhouette.seen_from) round_.push_back(std::move(silhouette.seen_from));
   }
 
-  /// Adds the faces that hide what lies behind the bodies from a point outside of them.
+  /// Adds the faces that hide what lies behind the bodies. `point` lies outside of the bodies.
   void faces_seen_from(const Eigen::Vector3d& point, std::vector<OccluderFace>& faces) const {
     faces.insert(faces.end(), flat_.begin(), flat_.end());
     for (const auto& seen_from : round_) {
@@ -37,8 +37,8 @@ class MovingBodies {
     }
   }
 
-  /// The same as shadows of that point: an outline as a whole hides more of a patch at first sight
-  /// than its parts do.
+  /// Adds the bodies to the shadows that `point` sees. A round outline is added as one face: the
+  /// quick test ShadowView::sight() then finds more hidden than with the outline's parts.
   void cast(const Eigen::Vector3d& point, ShadowView& shadows) const {
     for (const OccluderFace& face : flat_) shadows.add(face.corners, face.one_sided, point);
     for (const auto& seen_from : round_) shadows.add(seen_from(point), false, point);

@@ -17,8 +17,8 @@
 namespace blindcorner {
 namespace {
 
-/// Ends of a segment that do not count as blocked, relative to its length: single precision rays
-/// leave their own surface by this much.
+/// Share of a segment's length at either end in which nothing blocks it. A ray in single precision
+/// needs this much to leave its own surface.
 constexpr float kEndTolerance = 1e-4F;
 
 void throw_on_error(void* /*user*/, RTCError code, const char* message) {
@@ -26,7 +26,7 @@ void throw_on_error(void* /*user*/, RTCError code, const char* message) {
                                  (message != nullptr ? message : "no message"));
 }
 
-/// `origin` about the scene's own.
+/// `origin` is relative to RayScene::Impl::origin.
 void set_ray(RTCRay& ray, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
              float near, float far) {
   ray.org_x = static_cast<float>(origin.x());
@@ -47,7 +47,7 @@ void set_ray(RTCRay& ray, const Eigen::Vector3d& origin, const Eigen::Vector3d& 
 struct RayScene::Impl {
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
-  /// What Embree counts its coordinates from: single precision has 1 cm left of 100 km.
+  /// Origin of Embree's coordinates, m, world. At 100 km from it, single precision resolves 1 cm.
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
 
   ~Impl() {
@@ -105,7 +105,7 @@ RayScene::RayScene(const std::vector<std::vector<Triangle>>& bodies)
     }
   }
   if (!box.isEmpty()) {
-    // Bodies about the world's origin are as precise as they can be.
+    // Bodies around the world's origin gain no precision from another origin.
     const Eigen::Vector3d center = box.center();
     if (center.norm() > box.diagonal().norm() / 2) impl_->origin = center;
   }

@@ -32,8 +32,8 @@ class RayScene {
   std::optional<RayHit> first_hit(const Eigen::Vector3d& origin,
                                   const Eigen::Vector3d& direction) const;
 
-  /// Whether something blocks the straight line between two points; the ends (1e-4 of the
-  /// distance, for single precision) do not count, so both may lie on surfaces.
+  /// Whether something blocks the straight line between two points. Both points may lie on
+  /// surfaces: the ends of the line (1e-4 of its length, because of single precision) do not count.
   bool blocked(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const;
 
  private:

@@ -280,7 +280,8 @@ class Sampler {
       RelayPatch& patch = part.patch;
       patch.whole = false;
       patch.solid_angle = cell.solid_angle() * part.weight / all;
-      // Even light of the same mean and variance along both edges. One ray stands for its own row.
+      // The patch is lit evenly. Along both edges, its light has the mean and the variance of the
+      // part's rays. The variance includes that of one ray's own row.
       const auto side = [&](double from, double to, double sum, double squares) {
         const double mean = sum / part.weight;
         const double own = 1.0 / (12 * rays * rays);

@@ -122,7 +122,8 @@ void check_relay_visible(const Scene& scene) {
     throw measured_law_without_points(scene);
   }
   const auto stated = [](const Vector3d& point) { return point.allFinite(); };
-  if (points && !std::ranges::any_of(placement.relay_points, stated)) return;  // in captures
+  // Without stated points, the captures bring them.
+  if (points && !std::ranges::any_of(placement.relay_points, stated)) return;
   RelaySetup(scene, placement).relay_points();
 }
 

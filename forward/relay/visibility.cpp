@@ -14,7 +14,7 @@ namespace {
 using Eigen::Vector3d;
 
 /// Convex polygon in the patch's own coordinates (a, b) in [-1, 1]^2. Each line that cuts it adds
-/// at most one corner: one more than a face that meets the patch has corners.
+/// at most one corner. A face cuts with one line more than it has corners.
 struct Polygon {
   static constexpr int kMax = 40;
   std::array<double, kMax> a;
@@ -73,12 +73,12 @@ void split(const Polygon& polygon, const Line& line, Polygon& inside, Polygon* o
   }
 }
 
-/// Area and first moments about the patch's centre, of the whole patch 4, 0 and 0.
+/// Area and first moments about the patch's centre. Those of the whole patch are 4, 0 and 0.
 struct Area {
   double size = 0, moment_a = 0, moment_b = 0;
 };
 
-/// Adds those of a polygon.
+/// Adds the area and the moments of a polygon.
 void accumulate(const Polygon& polygon, Area& area) {
   for (int i = 1; i + 1 < polygon.size; ++i) {
     const auto p = static_cast<std::size_t>(i);
@@ -131,8 +131,8 @@ void ShadowView::add(std::span<const Vector3d> c, bool one_sided, const Vector3d
 
 namespace {
 
-/// Whether a face hides nothing of a body about a point: all of it lies outside of one of the
-/// pyramid's half spaces. `reach`: of the body along a half space's normal.
+/// Whether a face hides nothing of a body around `center`: the whole body lies outside of one of
+/// the pyramid's half spaces. `reach` gives the body's extent from `center` along a normal.
 template <class Pyramid, class Reach>
 bool clear_of(const Pyramid& pyramid, const Vector3d& center, const Reach& reach) {
   return std::ranges::any_of(pyramid, [&](const auto& side) {
@@ -171,7 +171,8 @@ struct Box {
   Vector3d center, half;
 };
 
-/// Along one axis, of the first `count` patches of a chunk; what follows them is padding.
+/// Lower and upper end along one axis of the first `count` patches of a chunk. The entries that
+/// follow them are padding.
 BLINDCORNER_MULTIVERSION void find_ends(const double* center, const double* half_u,
                                         const double* half_v, int count, double& low,
                                         double& high) {
@@ -205,13 +206,14 @@ Box box_around(const PatchCoordinates& p, int begin, int count) {
   return {0.5 * (low + high), 0.5 * (high - low)};
 }
 
-/// Of a patch's corners, the least and the largest distance inside of a half space, each the least
-/// over the half spaces of a pyramid; keeps the largest of all pyramids.
+/// The least (`nearest`) and the largest (`farthest`) depth of a patch's corners inside a half
+/// space. Each is the minimum over the half spaces of a pyramid, then the maximum over all
+/// pyramids.
 struct Depths {
   std::array<double, kChunk> nearest, farthest;
 };
 
-/// `planes`: normal and offset of half spaces.
+/// Adds a pyramid. `planes` holds normal and offset of its half spaces.
 BLINDCORNER_MULTIVERSION void add_depths(const PatchCoordinates& p, int begin,
                                          std::span<const std::array<double, 4>> planes,
                                          Depths& depths) {
@@ -277,7 +279,7 @@ Polygon whole_patch() {
   return square;
 }
 
-/// Those half spaces of a pyramid that cut a patch.
+/// The half spaces of a pyramid that cut a patch.
 struct Cuts {
   std::array<Line, kMaxOutline + 1> lines;
   std::size_t count = 0;
@@ -285,7 +287,7 @@ struct Cuts {
   std::span<const Line> all() const { return {lines.data(), count}; }
 };
 
-/// A patch behind one face: what is left of the square is what the pyramid does not hold.
+/// Visible area of a patch behind one face: the square without the part inside the pyramid.
 Area behind_one(const Cuts& cuts) {
   std::array<Polygon, 2> polygons;
   polygons[0] = whole_patch();
@@ -299,7 +301,8 @@ Area behind_one(const Cuts& cuts) {
   return {4 - area.size, -area.moment_a, -area.moment_b};
 }
 
-/// Behind several, which may overlap: the pieces that each leaves.
+/// Visible area behind several faces, which may overlap. Each face cuts the pieces that are left by
+/// the faces before it.
 Area behind_many(std::span<const Cuts> faces) {
   thread_local std::vector<Polygon> pieces;
   thread_local std::vector<Polygon> left;
@@ -346,7 +349,7 @@ VisiblePart ShadowView::see(const Vector3d& center, const Vector3d& half_u,
   }
   if (faces.empty()) return {};
   const Area area = faces.size() == 1 ? behind_one(faces.front()) : behind_many(faces);
-  // Below, what is left is rounding, and its centre anywhere.
+  // An area below this is rounding, and its centre may lie anywhere.
   constexpr double kNothing = 1e-12;
   if (area.size <= kNothing) return {0.0, Vector3d::Zero()};
   return {area.size / 4, area.moment_a / area.size * half_u + area.moment_b / area.size * half_v};

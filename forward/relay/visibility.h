@@ -29,16 +29,16 @@ struct PatchCoordinates {
 
 /// Shadows of flat occluders as seen from one point.
 ///
-/// The points that a convex face hides from a viewpoint form a pyramid: the half spaces through
-/// the viewpoint and the face's edges, beyond the face's own plane. A patch is clipped against
-/// these planes exactly, so its visible fraction is continuous (and piecewise smooth) in the
-/// viewpoint, for any number of occluders.
+/// The points that a convex face hides from a viewpoint form a pyramid. It lies within the half
+/// spaces through the viewpoint and the face's edges and beyond the face's own plane. A patch is
+/// clipped against these planes exactly, so its visible fraction is continuous (and piecewise
+/// smooth) in the viewpoint, for any number of occluders.
 class ShadowView {
  public:
   ShadowView(const std::vector<OccluderFace>& faces, const Eigen::Vector3d& viewpoint);
 
-  /// Adds a flat convex face of three to kMaxOutline corners in order (m), or nothing where there
-  /// is none; `viewpoint` is the constructor's.
+  /// Adds a flat convex face of three to kMaxOutline corners in order (m). Without corners, nothing
+  /// is added. `viewpoint` is the constructor's.
   void add(std::span<const Eigen::Vector3d> corners, bool one_sided,
            const Eigen::Vector3d& viewpoint);
 
@@ -53,7 +53,8 @@ class ShadowView {
   Sight sight(const Eigen::Vector3d& center, double radius) const;
 
   static constexpr int kChunk = 16;  ///< patches that are looked at together
-  /// The same for patches [begin, end), one by one; whole chunks of coordinates must be there.
+  /// Quick answer for each of the patches [begin, end). The coordinates must be readable in whole
+  /// chunks from `begin` on.
   void sights(const PatchCoordinates& patches, int begin, int end, Sight* out) const;
 
   /// Part of the parallelogram center +- half_u +- half_v that is not in shadow.
@@ -65,7 +66,7 @@ class ShadowView {
     Eigen::Vector3d normal;
     double offset;
   };
-  /// The face's own plane and one for each edge.
+  /// Half spaces of the face's own plane and of each edge.
   struct Pyramid {
     std::array<HalfSpace, kMaxOutline + 1> sides;
     std::size_t count = 0;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What a scene accepts, in the units of scene files: for their reader and for scenes made in code.
+/// What a scene accepts, in the units of scene files. The limits hold for scenes from files and for
+/// scenes made in code.
 #pragma once
 
 #include "forward/support/number_range.h"
@@ -19,9 +20,10 @@ inline const NumberRange kPositive = NumberRange::above(0);
 inline const NumberRange kNotNegative = NumberRange::at_least(0);
 inline const NumberRange kInside01 = NumberRange::inside(0, 1);
 
-// Instruments, far outside any.
+// Instruments. The limits lie far beyond any real instrument.
 inline constexpr int kMaxZonesPerSide = 256;
-/// Of a capture: more take minutes a fit. Sums go over zones, relay patches and object points.
+/// Zones of a capture. With more, a fit takes minutes: sums go over zones, relay patches and object
+/// points.
 inline constexpr int kMaxZones = 4096;
 inline constexpr int kMaxCounts = 1 << 22;
 inline constexpr int kMaxBins = 1 << 17;
@@ -31,7 +33,7 @@ inline const NumberRange kAngle = NumberRange::inside(-90, 90);                 
 inline const NumberRange kHalfAngle = NumberRange::inside(0, 90);                   // degrees
 inline const NumberRange kFullAngle = NumberRange::inside(0, 180);                  // degrees
 inline const NumberRange kLightOffset = NumberRange::between(-100, 100);            // m
-/// Above it single photons are lost in rounding the number of laser cycles that are still free.
+/// Above this, rounding the number of laser cycles that are still free loses single photons.
 inline const NumberRange kPileUpCycles = NumberRange::between(1, 1e15);
 inline const NumberRange kBackground = NumberRange::between(-1e30, 1e30);    // counts
 inline const NumberRange kPhotonBackground = NumberRange::between(0, 1e30);  // counts

@@ -17,7 +17,8 @@ using namespace limits;
 using Eigen::Vector3d;
 
 constexpr double kPicosecond = 1e-12;
-/// A rotation's columns may be off by a few roundings of what it was computed from.
+/// Largest deviation of R R' from the identity for a rotation R. It allows for the rounding of the
+/// values from which R was computed.
 constexpr double kRotationError = 1e-6;
 
 /// What was found wrong, one line each.
@@ -79,7 +80,7 @@ void check_edges(const AngularRectangle& r, const std::string& field, Problems& 
 
 void check_footprint(const Zone& zone, const std::string& field, Problems& problems) {
   if (const auto* point = std::get_if<Vector3d>(&zone.footprint)) {
-    // Points that captures bring are not known: none of their coordinates is a number.
+    // Points that captures bring are not known here: all their coordinates are NaN.
     if (!point->array().isNaN().all()) {
       problems.vector(field + ".relay_point_m", *point, kPosition);
     }
@@ -139,7 +140,7 @@ void check_illumination(const Sensor& sensor, Problems& problems) {
   problems.number("sensor.illumination.radiant_intensity_w_per_sr", sensor.radiant_intensity,
                   kPositive);
   problems.vector("sensor.illumination.offset_m", sensor.light_offset, kLightOffset);
-  // Zones that are points or lit one by one need no field.
+  // Zones that are points, or that are lit one by one, need no field.
   const bool points = std::holds_alternative<Vector3d>(sensor.zones.front().footprint);
   if (points || sensor.illumination == Illumination::confocal) return;
   const std::string field = "sensor.illumination.field";
@@ -150,7 +151,8 @@ void check_illumination(const Sensor& sensor, Problems& problems) {
   }
 }
 
-/// What all else of a sensor is counted by; false when it does not hold.
+/// Checks rows, columns, bins and zones, on which the other checks of a sensor rely. Returns false
+/// if these cannot be made.
 bool check_layout(const Sensor& sensor, Problems& problems) {
   const auto whole = [&](const char* field, int value, int upper) {
     const bool good = value >= 1 && value <= upper;
@@ -246,15 +248,15 @@ void check_material(const Material& material, const std::string& field, Problems
       material);
 }
 
-/// An object's extent at most, in ways that light goes while the sensor records: what lies beyond
-/// sends no light in that time, and the paths that a model holds grow with it.
+/// Largest extent of an object, in units of the way of light while the sensor records. Parts beyond
+/// that way send no light in that time, and the paths that a model holds grow with the extent.
 constexpr double kMaxTimeAxes = 100;
 
 void check_extent(const Scene& scene, const HiddenObject& object, const std::string& field,
                   Problems& problems) {
   const double axis = kSpeedOfLight * scene.sensor.bins * scene.sensor.bin_width;
   const double extent = 2 * object.placement.size * bounding_radius(object.shape, Anchor::center);
-  if (!(axis > 0) || !std::isfinite(extent)) return;  // said elsewhere
+  if (!(axis > 0) || !std::isfinite(extent)) return;  // other checks report it
   problems.require(extent <= kMaxTimeAxes * axis, field,
                    "an object of " + number_text(extent) + " m",
                    "at most " + number_text(kMaxTimeAxes * axis) +

@@ -83,8 +83,8 @@ void validate(const ResponseShape& shape) {
       shape);
 }
 
-/// Cumulative of a piecewise-linear density, convolved with a Gaussian: closed form without blur,
-/// quadrature of it with.
+/// Cumulative of a piecewise-linear density, convolved with a Gaussian of variance `blur`. Without
+/// blur it has a closed form. With blur, that form is integrated numerically.
 double table_cumulative(const TableResponse& s, const std::vector<double>& integral, double t,
                         double blur) {
   if (blur <= 0) {
@@ -98,7 +98,8 @@ double table_cumulative(const TableResponse& s, const std::vector<double>& integ
     const double total = integral.back();
     return (integral[i] + u * (s.values[i] + 0.5 * slope * u)) / total;
   }
-  // The Gaussian in steps of a twentieth of sigma: trapezoid sums over it converge exponentially.
+  // The Gaussian is sampled in steps of a twentieth of sigma. Trapezoid sums over it converge
+  // exponentially.
   const double sigma = std::sqrt(blur);
   constexpr int kSteps = 128;
   double sum = 0;
@@ -126,7 +127,7 @@ ImpulseResponse::ImpulseResponse(ResponseShape shape) : shape_(std::move(shape))
     const auto it = std::max_element(table->values.begin(), table->values.end());
     peak_ = table->times[static_cast<std::size_t>(it - table->values.begin())];
   } else if (const auto* tail = std::get_if<ExponentialTailResponse>(&shape_)) {
-    // The peak lies between the core's centre and a few sigma after it; golden section.
+    // The peak lies between the core's centre and a few sigma after it. Golden section finds it.
     double low = -tail->sigma;
     double high = 4 * tail->sigma;
     const double ratio = (std::sqrt(5.0) - 1) / 2;

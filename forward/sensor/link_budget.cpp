@@ -52,7 +52,7 @@ double total(const HistogramCube& cube) {
   return std::accumulate(cube.values.begin(), cube.values.end(), 0.0);
 }
 
-/// The first hidden object by itself, which stands there.
+/// The scene with its first hidden object alone, placed at `object`.
 Scene alone_at(const Scene& scene, const Placement& object) {
   Scene alone = only_object(scene, 0);
   alone.hidden.placement = object;
@@ -65,7 +65,7 @@ double exponent(double before, double after) {
   return std::log(after / before) / std::log((1 + kDistanceStep) / (1 - kDistanceStep));
 }
 
-/// Middle of what is lit and seen.
+/// Mean of the relay points that are lit and seen, m.
 Vector3d lit_middle(const Scene& scene, const SensorPlacement& sensor) {
   const std::vector<Vector3d> points = RelaySetup(scene, sensor).relay_points();
   Vector3d middle = Vector3d::Zero();
@@ -187,7 +187,7 @@ DistanceExponents distance_exponents(const Scene& scene, const SensorPlacement& 
   const Scene alone = alone_at(scene, object);
   FastModelOptions options;
   options.tolerance = kExponentTolerance;
-  // One sampling for all: looking for it takes longer than all the rest.
+  // All models share one sampling, because the search for it takes longer than everything else.
   const auto transport = make_scene_transport(alone);
   options.sampling_step = choose_sampling(transport, sensor, options);
   DistanceExponents exponents;

@@ -23,7 +23,7 @@ void undo_pile_up(double cycles, const double* counts, int bins, double* correct
     const double hit = std::min(counts[k], std::max(free - 0.5, 0.0));
     const double share = free > 0 ? hit / free : 0.0;
     corrected[k] = -cycles * std::log1p(-share);
-    // Of a bin without counts: the cycles that were free.
+    // A bin without counts was live for the share of cycles that were free.
     live[k] = corrected[k] > 0 ? hit / corrected[k] : std::max(free, 0.5) / cycles;
     free -= hit;
   }
@@ -36,14 +36,15 @@ void saturate(const Sensor& sensor, HistogramCube& counts) {
 
 namespace {
 
-/// Above this variance a Poisson or binomial number is drawn from the normal distribution of its
-/// moments: their distribution functions differ by at most 0.07 / sqrt(variance) (the first term of
-/// Edgeworth's series), 2e-6 here. The exact methods end at what a 64-bit integer holds, and
-/// long before that at the precision of their logarithms.
+/// Above this variance, a Poisson or binomial number is drawn from the normal distribution with its
+/// mean and variance. The two distribution functions differ by at most 0.07 / sqrt(variance) (the
+/// first term of Edgeworth's series), which is 2e-6 here. The exact methods fail beyond a 64-bit
+/// integer, and long before that their logarithms lack precision.
 constexpr double kNormalVariance = 1e9;
-/// More tries than this are beyond the binomial method's logarithms (1e-16 of ln n! = 2e11). Then
-/// variances above kManyTriesVariance are normal to 7e-5, and below it a binomial number is Poisson
-/// distributed but for the rarer outcome's share of the tries, at most 1e-4.
+/// With more tries than this, the binomial method's logarithms lack precision: they round ln n! =
+/// 2e11 by 1e-16 of it. A number with a variance above kManyTriesVariance is then drawn as normal,
+/// which is right to 7e-5. Below it, the rarer outcome is drawn as a Poisson number. The error is
+/// that outcome's share of the tries, at most 1e-4.
 constexpr double kMaxTries = 1e10;
 constexpr double kManyTriesVariance = 1e6;
 
@@ -58,7 +59,7 @@ double draw_photons(double mean, std::mt19937_64& random) {
   return static_cast<double>(poisson(random));
 }
 
-/// Of `tries`, a whole number, those that hit.
+/// Draws how many of `tries`, a whole number, hit.
 double draw_hits(double tries, double hit, std::mt19937_64& random) {
   const double variance = tries * hit * (1 - hit);
   if (variance > kNormalVariance || (tries > kMaxTries && variance > kManyTriesVariance)) {
@@ -73,7 +74,8 @@ double draw_hits(double tries, double hit, std::mt19937_64& random) {
   return static_cast<double>(binomial(random));
 }
 
-/// The average of `exposures` by the noise model of a zone, in place of what is expected.
+/// Replaces a zone's expected counts by drawn ones: the average over `exposures` under the zone's
+/// noise model.
 void draw_zone(const NoiseModel& noise, double exposures, double dispersion, double* counts,
                int bins, std::mt19937_64& random) {
   const double scale = exposures / dispersion;
@@ -85,8 +87,9 @@ void draw_zone(const NoiseModel& noise, double exposures, double dispersion, dou
   }
 }
 
-/// Coates' model backwards: each cycle that is still free gives a photon in this bin with the
-/// probability that the expected counts have among the free cycles.
+/// Draws counts by Coates' model of pile-up. In each bin, each cycle that is still free gives a
+/// photon with the probability of the bin's expected counts over the expected number of free
+/// cycles.
 void draw_piled_up(double cycles, double exposures, double* counts, int bins,
                    std::mt19937_64& random) {
   double expected_free = cycles;
@@ -154,7 +157,7 @@ HistogramCube draw_counts(const Scene& scene, const HistogramCube& expected, dou
     } else {
       double* const bins = counts.zone(z);
       const NoiseModel& noise = sensor.noise_of(z);
-      if (noise.counts_photons()) {  // rounding leaves some a hair below zero
+      if (noise.counts_photons()) {  // rounding leaves some slightly below zero
         std::transform(bins, bins + counts.bins, bins, [](double c) { return std::max(c, 0.0); });
       }
       draw_zone(noise, exposures, sensor.dispersion, bins, counts.bins, random);

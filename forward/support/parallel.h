@@ -17,7 +17,7 @@
 
 namespace blindcorner {
 
-/// Runs `loop`, which takes the context of its own. Throws what an iteration throws.
+/// Calls `loop` with a context of its own. Throws what an iteration throws.
 template <typename Loop>
 void run_whole(const Loop& loop) {
   tbb::this_task_arena::isolate([&] {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Any BRDF: one pulse for each pair of a way in and a way out at every point of the object. Relay
-/// and object have the points of a Lambertian object (lambertian_kernel.cpp).
+/// Kernel for any BRDF: one pulse for each pair of a way in and a way out at every point of the
+/// object. Relay and object are sampled by rules of points, as for a Lambertian object
+/// (lambertian_kernel.cpp).
 #include "blindcorner/forward/constants.h"
 #include "forward/transport/transport_kernel.h"
 

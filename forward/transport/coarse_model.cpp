@@ -31,7 +31,7 @@ constexpr double kObjectEdge = 9;
 /// limits the time, and allows two cells for each side of a box.
 constexpr std::size_t kMaxCells = 12;
 /// One pulse may stand for a zone's patches up to this standard deviation of their paths both ways,
-/// in the same unit. By judgement.
+/// in standard deviations of the pulse's path. By judgement.
 constexpr double kRunSpread = 3;
 /// Ratio of a lobe's footprint to the lit spot above which light comes back from elsewhere; the
 /// same as kSingleSumRatio in transport_plan.cpp.

@@ -46,12 +46,12 @@ struct SparseLight {
   std::vector<Range> lit;  ///< [zones]
 };
 
-/// The closed-form light of one sensor placement. Patches near each other (a run: a zone, or a part
-/// of the field) are seen from the object's middle as one: weight, mean path and variance. Each
-/// piece of the object then makes one pulse of a run whose light comes back to where it fell
-/// (narrow lobes), or of a run that lights it and one that sees it. Shadows of known bodies are
-/// continuous and the middle's; bodies' shadows on each other and on themselves are left out.
-/// Thread safe.
+/// The closed-form light of one sensor placement. A run is a group of patches near each other: a
+/// zone, or a part of the field. The object's middle sees a run as one: weight, mean path and
+/// variance. Each piece of the object then makes one pulse for each run whose light comes back to
+/// where it fell (narrow lobes), or for each pair of a run that lights it and a run that sees it.
+/// Shadows of known bodies and of other hidden objects are continuous, and found for the object's
+/// middle. An object's shadow on itself is left out. Thread safe.
 class CoarseModel {
  public:
   CoarseModel(std::shared_ptr<const CoarseScene> shared, const SensorPlacement& placement);
@@ -60,12 +60,14 @@ class CoarseModel {
   void three_bounce(const PoseVector& pose, double extra_pulse_sigma, SparseLight& out) const {
     three_bounce(placements_at(shared_->scene, pose), extra_pulse_sigma, out);
   }
-  /// The same of one of several objects alone, -1: of all.
+  /// The same for given placements. `only` is the one object that counts, alone and unshaded by the
+  /// others; -1: all.
   void three_bounce(const std::vector<Placement>& placements, double extra_pulse_sigma,
                     SparseLight& out, int only = -1) const;
 
-  /// Bins of each zone that light of the search region may reach: bounds from the shortest and the
-  /// longest path between the zone's patches and the region, widest pulse included. [zones]
+  /// Bins of each zone that light from the search region may reach, [zones]. The bounds follow from
+  /// the shortest and the longest path between the zone's patches and the region, widest pulse
+  /// included.
   std::vector<SparseLight::Range> reach() const;
 
  private:
@@ -83,7 +85,7 @@ class CoarseModel {
     double angle2 = 0;    ///< rad^2, variance of the direction per axis
     Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< to the run, unit
   };
-  /// Both sides of a middle, kept while only yaw changes.
+  /// The runs as an object's middle sees them, kept while only yaw changes.
   struct View {
     std::vector<End> lit, seen;
   };
@@ -100,10 +102,10 @@ class CoarseModel {
   std::shared_ptr<const CoarseScene> shared_;
   PatchArrays lit_, seen_;
   std::vector<Run> lit_runs_, seen_runs_;
-  std::vector<bool> pairs_;  ///< [objects] light from a lit to a seen run, else back to its own
+  std::vector<bool> pairs_;  ///< [objects] light goes from lit to seen runs, else back to its own
   bool confocal_;
   double way_in_;     ///< 1: both outer legs count, 0: paths count from the relay
-  std::uint64_t id_;  ///< of what threads keep
+  std::uint64_t id_;  ///< marks the views that threads keep
 };
 
 }  // namespace blindcorner

@@ -27,7 +27,7 @@ struct FoundSampling {
 
 class FastModel final : public ForwardModel {
  public:
-  /// `options.sampling_step` is not looked at.
+  /// `options.sampling_step` is ignored.
   FastModel(std::shared_ptr<const SensorView> view, const FastModelOptions& options,
             FoundSampling found);
 
@@ -46,7 +46,7 @@ class FastModel final : public ForwardModel {
   /// static_background() with these bodies in the way of the later bounces.
   HistogramCube background_behind(const std::vector<OccluderFace>& bodies, bool coarsely) const;
   BackgroundError background_error() const override;
-  /// Reasons are found when somebody asks for them.
+  /// The plan's reasons are found on the first call.
   const TransportPlan& plan() const override;
   std::optional<SamplingStep> sampling_step() const override { return found_.sampling_step; }
   std::optional<ModelSize> size() const override {

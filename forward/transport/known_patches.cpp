@@ -14,7 +14,8 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/// Height of a patch over its surface against its distance: a hundred times the precision of a ray.
+/// Height of a patch over its surface relative to its distance: a hundred times the precision of a
+/// ray.
 constexpr double kLift = 1e-5;
 
 double longer_edge(const SurfaceCell& cell) {
@@ -23,10 +24,11 @@ double longer_edge(const SurfaceCell& cell) {
 
 /// Weights with both cosines, paths and their spreads, without shadows.
 ///
-/// Over patches of half edges h the mean of A B / R^2 (A and B the distance times either cosine, R
-/// its square) differs from that between their centres by the second derivatives, with q = d h / R:
-/// A B / R^2 sum (4 q^2 - 2 h^2 / 3 R) - 4 / 3 R^2 (B sum q h n + A sum q h m). What is taken away
-/// divides, so that nothing becomes negative where patches meet.
+/// A and B are the distance times either cosine, R is the distance squared. The mean of A B / R^2
+/// over patches of half edges h differs from its value between their centres by the second
+/// derivatives, with q = d h / R: A B / R^2 sum (4 q^2 - 2 h^2 / 3 R) - 4 / 3 R^2 (B sum q h n + A
+/// sum q h m). A negative difference divides instead, so that nothing becomes negative where
+/// patches meet.
 BLINDCORNER_MULTIVERSION void open_legs(const SurfaceCell& cell, const KnownPatches& p,
                                         KnownLegs& legs) {
   const double cx = cell.center.x(), cy = cell.center.y(), cz = cell.center.z();
@@ -110,7 +112,7 @@ void KnownPatches::add(const SurfaceCell& cell, const Vector3d& gradient, double
 }
 
 void KnownPatches::add(const WeightedPatch& patch, int zone_of_it) {
-  // Rays end within single precision of their surface, before it or behind.
+  // Rays end within single precision of their surface, in front of it or behind it.
   SurfaceCell cell = cell_of(patch.patch);
   cell.center += kLift * patch.patch.distance * patch.patch.normal;
   add(cell, patch.leg_direction, patch.weight, patch.leg, zone_of_it);
@@ -167,7 +169,7 @@ PatchTree::PatchTree(const KnownPatches& patches, double angle, double sensor_an
              std::abs(first.normal.dot(cell.center - first.center)) <
                  2 * kLift * (patches.leg[i] + patches.leg[group.patches.front()]);
     };
-    // Patches come zone by zone: from the last group on.
+    // Patches come zone by zone, so the search begins at the last group.
     const auto known = std::find_if(groups.rbegin(), groups.rend(), belongs);
     if (known != groups.rend()) {
       known->patches.push_back(i);
@@ -224,7 +226,7 @@ PatchTree::Node PatchTree::sum_of(const KnownPatches& patches, std::size_t begin
               (way * way.transpose() +
                (cell.half_u * cell.half_u.transpose() + cell.half_v * cell.half_v.transpose()) / 3);
   }
-  // The rectangle with the same moments: half edges are the root of three times the deviations.
+  // The rectangle with the same moments: half edges are sqrt(3) times the standard deviations.
   const Eigen::SelfAdjointEigenSolver<Matrix3d> axes(second);
   node.cell.half_u =
       std::sqrt(3 * std::max(axes.eigenvalues()[2], 0.0)) * axes.eigenvectors().col(2);
@@ -239,7 +241,7 @@ void PatchTree::build(const KnownPatches& patches, std::size_t begin, std::size_
                       std::size_t at) {
   nodes_[at] = sum_of(patches, begin, end);
   if (end - begin == 1) return;
-  // Halves of the extent along its longer axis.
+  // The part is halved at its centre, along its longer axis.
   const Vector3d middle = nodes_[at].cell.center, axis = nodes_[at].cell.half_u;
   const auto first = order_.begin() + static_cast<std::ptrdiff_t>(begin);
   const auto last = order_.begin() + static_cast<std::ptrdiff_t>(end);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Patches of the known surfaces that send each other light, and trees that stand for many of them
-/// where these are far away.
+/// Patches of the known surfaces that send each other light, and trees whose parts stand for many
+/// patches that are far away.
 #pragma once
 
 #include <Eigen/Core>
@@ -31,7 +31,7 @@ struct KnownPatches {
   void clear();
   void add(const SurfaceCell& cell, const Eigen::Vector3d& gradient, double weight_of_it,
            double leg_of_it, int zone_of_it);
-  /// Lifted off its surface, so that this does not hide its own patches.
+  /// Adds the patch lifted off its surface, so that the surface does not hide its own patches.
   void add(const WeightedPatch& patch, int zone_of_it);
   void pad();
   Eigen::Vector3d gradient(std::size_t i) const { return {g[0][i], g[1][i], g[2][i]}; }
@@ -44,30 +44,33 @@ struct KnownLegs {
   std::vector<double> du, dv;                   ///< half extents of the path over the patch
   std::vector<ShadowView::Sight> sights;
 
-  /// From a cell to patches: weights with both cosines and what `shadows` leave of them.
+  /// Finds the legs from a cell to patches. Weights include both cosines and the share that
+  /// `shadows` leave visible.
   void find(const SurfaceCell& cell, const ShadowView& shadows, const KnownPatches& patches);
 };
 
-/// What a tree has to be fine enough for.
+/// Ball of cells for which a tree has to be fine enough.
 struct Ball {
   Eigen::Vector3d center;
   double radius = 0;
 };
 
-/// Patches of one zone and plane, halved again and again; each part has its patches' light and the
-/// first two moments of where it lies. Light from far away needs few of them: a sum over all pairs
-/// of n patches becomes one over n log n (Hanrahan, Salzman and Aupperle 1991, "A rapid
+/// Patches of one zone and plane, halved again and again. Each part has the light of its patches
+/// and the first two moments of the light's place. Far away, few parts are enough: a sum over all
+/// pairs of n patches becomes one over n log n (Hanrahan, Salzman and Aupperle 1991, "A rapid
 /// hierarchical radiosity algorithm").
 class PatchTree {
  public:
-  /// `angle`: largest edge of a part against its distance to what takes it; `sensor_angle`: against
-  /// that to the sensor. A patch is fine enough at any distance.
+  /// `angle`: largest edge of a part relative to its distance from the cells that exchange light
+  /// with it. `sensor_angle`: the same for the distance from the sensor. A single patch is fine
+  /// enough at any distance.
   PatchTree(const KnownPatches& patches, double angle, double sensor_angle);
 
-  /// The coarsest parts for light to or from a ball, on planes that have some of it before them.
+  /// The coarsest parts for light to or from a ball, on planes that have some of the ball in front
+  /// of them.
   void cut(const Ball& ball, KnownPatches& parts) const;
 
-  /// Patches that lie together, at most `most` in each.
+  /// Groups of patches that lie close together, at most `most` patches in each.
   std::vector<std::vector<std::size_t>> blocks(std::size_t most) const;
 
  private:
@@ -89,7 +92,7 @@ class PatchTree {
   std::vector<std::size_t> roots_;
 };
 
-/// Around the centres of cells.
+/// The ball around the centres of cells.
 Ball ball_around(std::span<const SurfaceCell* const> cells);
 
 }  // namespace blindcorner

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 /// For a point q of a Lambertian object, light arriving at q and light leaving q towards a zone are
 /// two independent sums, so their path-length distributions convolve. Each is laid on a grid of
-/// paths (path_grid.h); the pairs of all object points of a zone are summed there and become bins
-/// once. Relay and object are sampled by Gauss-Legendre rules: what they integrate is smooth but
-/// for shadows' edges, so that few points do. A rule of n points over a stretch whose path changes
-/// by 2a errs like exp(-2 (n s / a)^2), s the pulse's width, as long as it resolves the inverse
-/// squares too.
+/// paths (path_grid.h). The pairs of all object points are summed there for each zone, and become
+/// bins once. Gauss-Legendre rules sample relay and object: the integrand is smooth except at the
+/// edges of shadows, so few points are enough. Over a stretch whose path changes by 2a, a rule of n
+/// points has an error like exp(-2 (n s / a)^2), where s is the pulse's width, as long as it also
+/// resolves the inverse squares.
 #include <algorithm>
 #include <cmath>
 
@@ -17,9 +17,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Whether paths of light that arrives differ by so little that their mean will do: without their
-/// variance a pulse's peak errs by half of it over the pulse's own. Of every lit set and probed
-/// placement. Four cells along a side show all but a 16th of an even side's variance.
+/// Whether the paths of light that arrives differ so little that their mean is enough, for every
+/// lit set and probed placement. Without their variance, a pulse's peak errs by half the ratio of
+/// this variance to the pulse's own. Each of the four cells along a side adds its own variance.
 bool arrives_at_once(const SensorView& view, double tolerance) {
   const Scene& scene = view.transport->scene;
   const double pulse = std::pow(kSpeedOfLight * scene.sensor.response.core_sigma(), 2);
@@ -57,7 +57,8 @@ bool arrives_at_once(const SensorView& view, double tolerance) {
   return true;
 }
 
-/// How far legs reach back that are counted from the relay: short by the way from it, m.
+/// How far legs may reach back before path zero, m. Legs that are counted from the relay have the
+/// way between relay and sensor taken off.
 double way_back(const SensorView& view, const Sampling& sampling) {
   double longest = 0;
   if (view.transport->scene.sensor.path_origin == PathOrigin::sensor) return longest;
@@ -126,7 +127,7 @@ class LambertianKernel final : public TransportKernel {
     }
   }
 
-  /// The same where what arrives has one path: whole paths, without a convolution.
+  /// The same if the light that arrives has one path: whole paths are laid, without a convolution.
   void pair_with_one(double scale, Scratch& s) const {
     const PatchArrays& relay = sampling_->relay;
     const std::size_t lit_sets = sampling_->lit.set_end.size();
@@ -140,7 +141,7 @@ class LambertianKernel final : public TransportKernel {
         path += s.weight[p] * s.path[p];
       }
       if (weight > 0) path /= weight;
-      // A flash lights all zones, a confocal set its own.
+      // A flash lights all zones, a confocal set only its own zone.
       const std::size_t begin = relay.set(lit_sets + (confocal_ ? set : 0)).first;
       const std::size_t end = relay.set(lit_sets + (confocal_ ? set : zones - 1)).second;
       for (std::size_t r = begin; r < end; ++r) {

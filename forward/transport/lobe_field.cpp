@@ -136,8 +136,8 @@ BLINDCORNER_MULTIVERSION void straight_edge(const LobeRays& rays, std::size_t n,
 }
 
 /// The edge of a cone of light about `axis` from `apex` (relative to the object), cut by the plane
-/// at `height`. It holds the distance to the rim from the point where the direction meets the
-/// plane, and the change of this distance as the direction turns.
+/// at `height`. `edge` receives the distance to the rim from the point where the direction meets
+/// the plane, and the change of this distance as the direction turns.
 BLINDCORNER_MULTIVERSION void cone_edge(const LobeRays& rays, std::size_t n, const Frame& f,
                                         const Vector3d& apex, const Vector3d& axis, double tangent,
                                         const Vector3d& normal, double height, EdgeLanes& edge) {
@@ -241,7 +241,7 @@ BLINDCORNER_MULTIVERSION void add_light(const LobeRays& rays, std::size_t n, con
     const double joint =
         std::min(std::max((left.ac[i] * inverse - mean_a * mean_c) / spread, -bound), bound);
     const double var_rest = var_c - joint * joint;
-    // Light from the point `za` along the tilt, and `zc` across it, which goes with `za`.
+    // Light from the point `za` along the tilt and `zc` across it, the mean that goes with `za`.
     const auto part = [&](double za, double zc, double& first, double& second) {
       const double along = f.la[i] * za;
       const double across = f.lb[i] * za + f.lc[i] * zc;

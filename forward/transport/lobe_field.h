@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The light that a retroreflector's narrow lobe gathers: radiance of the relay, as the object sees
-/// it, averaged over the lobe. For the single sum, in place of the radiance in the very direction.
+/// The light that a retroreflector's narrow lobe gathers: the radiance of the relay as the object
+/// sees it, averaged over the lobe. The single sum uses it in place of the radiance in the lobe's
+/// exact direction.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,8 +17,8 @@ struct LobeRays {
   const double *x, *y, *z;     ///< unit directions from the object to the patches
   const double* distance;      ///< m, from the object to the patch
   const double* path;          ///< m, way out: from the object by way of the patch to the detector
-  const double* extent;        ///< share of the squared half edges that is variance of the patch:
-                               ///< 1/3 of a whole patch, 0 of a point
+  const double* extent;        ///< variance of the patch as a share of its squared half edges: 1/3
+                               ///< for a whole patch, 0 for a point
   const double *lx, *ly, *lz;  ///< gradient of the outer leg at the patch
   const double *ux, *uy, *uz;  ///< half edges, m
   const double *vx, *vy, *vz;
@@ -26,33 +27,36 @@ struct LobeRays {
   LobeRays from(std::size_t n) const;  ///< without the first n
 };
 
-/// Light gathered about directions: sums over where it came from. Adds to what is there.
+/// Light that lobes about directions gather, as sums over the places that it came from. Gathering
+/// adds to the sums.
 struct LobeSums {
   double* weight;  ///< mean radiance over the lobe, W/m^2/sr
-  double* first;   ///< times the path in and out, m
-  double* second;  ///< times its square, the path's variance over lobe and patch included
+  double* first;   ///< radiance times the path in and out, m
+  double* second;  ///< radiance times the path's square, variance over lobe and patch included
 
   LobeSums from(std::size_t begin) const { return {weight + begin, first + begin, second + begin}; }
 };
 
-/// The lobe is a normal distribution of angles about the direction of departure, so what comes back
-/// from a patch is the incident radiance L convolved with the lobe, and with the patch's own extent
-/// (a normal distribution of the same covariance; it widens what is left between edges, but edges
-/// cut the lobe about the patch's middle: smearing them too made grazing seams worse). L is that of
-/// a Lambertian relay under a source of even radiant intensity, on lit polygons: the field of
-/// illumination (or a confocal zone's footprint) cut by the relay surfaces, less the shadows that
-/// other surfaces cast.
+/// The lobe is a normal distribution of angles about the direction of departure. The light that
+/// leaves towards a patch is therefore the incident radiance L, convolved with the lobe and with
+/// the patch's own extent. The extent counts as a normal distribution of the same covariance. It
+/// widens the part of the lobe that is left between edges. The edges themselves cut the lobe about
+/// the patch's middle, because smearing them too made grazing seams worse. L is the radiance of a
+/// Lambertian relay under a source of even radiant intensity. It fills the lit polygons: the field
+/// of illumination (or a confocal zone's footprint) cut by the relay surfaces, less the shadows
+/// that other surfaces cast.
 ///
-/// Of a convex region only the moments of the normal distribution inside of it matter: share, mean
-/// and covariance, as coefficients of Hermite polynomials up to the second. Half planes have them
-/// in closed form, strips between opposite edges are sums of two. Intersections multiply the
-/// series, exact for edges at right angles; at other angles the share lacks terms from the third
-/// power of the edges' correlation on (Mehler's formula). Within the region L and the path are
-/// taken at two points, one standard deviation of what is left of the lobe to both sides along the
-/// relay's tilt, where they change fast: exact to third order.
+/// A convex region counts only by the moments of the normal distribution inside it: share, mean and
+/// covariance, as coefficients of Hermite polynomials up to the second. They have a closed form for
+/// a half plane; a strip between opposite edges is a sum of two half planes. Two regions intersect
+/// by the product of their series. This is exact for edges at right angles; at other angles the
+/// share lacks the terms from the third power of the edges' correlation on (Mehler's formula). L
+/// and the path are evaluated at two points of the region, one standard deviation of the remaining
+/// lobe to either side of its mean along the relay's tilt, where both change fast: exact to third
+/// order.
 class LobeField {
  public:
-  /// Directions that are looked at together, by judgement: their moments stay in the cache.
+  /// Number of directions that are handled together. By judgement: their moments stay in the cache.
   static constexpr std::size_t kChunk = 32;
 
   LobeField(const Scene& scene, const SensorPlacement& placement);
@@ -60,17 +64,18 @@ class LobeField {
   /// Edges as a point sees them, made once for all directions.
   class View {
    public:
-    /// Light that zone `zone` lights, about each of `count` directions, less what the occluders
-    /// hide of it.
+    /// Gathers, about each of `count` directions, the light that zone `zone` lights, less what the
+    /// occluders hide of it.
     void gather(const LobeRays& rays, std::size_t count, int zone, const LobeSums& sums) const;
-    /// The same without and with occluders, `count` at most kChunk; false when no occluder comes
-    /// near the lobes.
+    /// Gathers the same light without occluders (`open`) and with them (`shaded`); `count` is at
+    /// most kChunk. Gathers nothing and returns false if no occluder comes near the lobes.
     bool gather_shaded(const LobeRays& rays, std::size_t count, int zone, const LobeSums& open,
                        const LobeSums& shaded) const;
 
    private:
     friend class LobeField;
-    /// Opposite edges of a region: unit inward normals of the planes through the object and them.
+    /// Two opposite edges of a region, as unit inward normals of the planes through the object and
+    /// each edge.
     struct Strip {
       Eigen::Vector3d low, high;
       bool closed = false;  ///< both sides have an edge
@@ -83,13 +88,13 @@ class LobeField {
       std::size_t first = 0, end = 0;  ///< regions
     };
     struct Polygon {
-      int zone = -1;        ///< that lights it; -1: all
-      double radiance = 0;  ///< W/m^2/sr times m^2: over the cube of the distance to the source
+      int zone = -1;        ///< that lights the polygon; -1: all
+      double radiance = 0;  ///< W/m^2/sr times m^3: over the cube of the distance to the source
       Eigen::Vector3d normal;
       double height = 0;  ///< of the plane over the object, along the normal
       Region region;
       Body bodies;                ///< range of bodies_
-      std::size_t occluders = 0;  ///< first of them that stands between object and relay
+      std::size_t occluders = 0;  ///< first body that stands between object and relay
     };
     struct Chunk;
     bool reaches(const Region& region, const Chunk& chunk) const;
@@ -109,7 +114,8 @@ class LobeField {
     Region add_region(const std::vector<Eigen::Vector3d>& corners,
                       const std::vector<std::pair<int, int>>& sides);
   };
-  /// `origin` is a point of the object, m; `occluders` are what may stand before the relay.
+  /// `origin` is a point of the object, m; `occluders` are the faces that may hide parts of the
+  /// relay.
   View seen_from(const Eigen::Vector3d& origin, const std::vector<OccluderFace>& occluders) const;
 
  private:

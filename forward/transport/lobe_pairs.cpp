@@ -14,22 +14,23 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Patches that are looked at together: one or two vectors of doubles, and few enough to skip many.
+/// Number of patches that are handled together: one or two vectors of doubles, and so few that many
+/// blocks can be skipped.
 constexpr std::size_t kBlock = 8;
-/// Squared distance in standard deviations at which a lobe ends. It is lowered by what it is there,
-/// so that it ends without a step; what is left is scaled to hold all of the light.
+/// Squared distance in standard deviations at which a lobe ends. The lobe is lowered by its value
+/// there, so that it ends without a step. The rest is scaled to hold all of the light.
 constexpr double kReach2 = 16;
 constexpr double kFloor = 3.35463e-4;  // exp(-kReach2 / 2), rounded up
 constexpr double kScale = 1 / (1 - (1 + kReach2 / 2) * kFloor);
 
-/// Patches as arrays; of what is seen, one.
+/// Patches as arrays; a single patch on the seen side.
 struct Ends {
   const double *weight, *path, *variance, *x, *y, *factor, *ee, *ff, *ef;
   const double *xxxx, *xxxy, *xxyy, *xyyy, *yyyy;
   const double *ke, *kf, *gu, *gv;
 };
 
-/// Pulses of one seen patch with the lit patches of some blocks, kBlock for each of them.
+/// Pulses of one seen patch with the lit patches of some blocks: kBlock pulses for each block.
 BLINDCORNER_MULTIVERSION void pair_up(const Ends& lit, const std::vector<PatchRange>& blocks,
                                       const Ends& seen, double lobe_variance, double scale,
                                       double* __restrict weight, double* __restrict path,
@@ -59,8 +60,8 @@ BLINDCORNER_MULTIVERSION void pair_up(const Ends& lit, const std::vector<PatchRa
       const double gu = seen_gu + lit.gu[i];
       const double gv = seen_gv + lit.gv[i];
       // Edgeworth's correction: fourth cumulants times fourth derivatives of the normal
-      // distribution. With a = C^-1 X and Q = C^-1 these are its density times a^4 - 6 Q a^2 + 3
-      // Q^2 (symmetrised).
+      // distribution. With a = C^-1 X and Q = C^-1, the derivatives are the density times a^4 - 6 Q
+      // a^2 + 3 Q^2 (symmetrised).
       const double xx = ff * inverse, yy = ee * inverse, xy = -ef * inverse;
       const double ax = xx * x + xy * y, ay = xy * x + yy * y;
       const double axx = ax * ax, axy = ax * ay, ayy = ay * ay;
@@ -74,7 +75,8 @@ BLINDCORNER_MULTIVERSION void pair_up(const Ends& lit, const std::vector<PatchRa
       const double shape = std::max(1 + fourth / 24, 0.0);
       const double light_of_pair = light * lit.weight[i] * area * lobe * shape * std::sqrt(inverse);
       weight[k] = k < block.count ? light_of_pair : 0.0;
-      // Covariance of the path with x and y, and what it is where the lobe brings both to zero.
+      // Covariance of the path with x and y. The lobe brings x and y to zero, which takes `shift`
+      // from the path and `known` from its variance.
       const double ke = lit.ke[i] - seen_ke;
       const double kf = lit.kf[i] - seen_kf;
       const double shift = (ke * (ff * x - ef * y) + kf * (ee * y - ef * x)) * inverse;
@@ -146,13 +148,13 @@ BLINDCORNER_MULTIVERSION void LobeEnds::map(const LobePieces& p, std::size_t cou
     ovy[i] = mvy;
     along_u[i] = gx * ux + gy * uy + gz * uz;
     along_v[i] = gx * vx + gy * vy + gz * vz;
-    // A pair has the cosine once: the lobe is over the root of both.
+    // The lobe is divided by the root of both cosines, so that each side keeps the root of its own.
     weight[i] = a.weight[i] > 0 ? a.weight[i] / std::sqrt(std::max(a.cosine[i], 1e-12)) : 0.0;
   }
 }
 
-/// Fourth cumulants of where light is on the map, over the pieces [begin, end) of a patch whose
-/// weight, mean and covariance are known. A piece is even along both of its edges.
+/// Fourth cumulants of the light's place on the map, over the pieces [begin, end) of a patch whose
+/// weight, mean and covariance are known. The light of a piece is even along both of its edges.
 void LobeEnds::find_fourth(std::size_t begin, std::size_t end, std::size_t to) {
   const Mapped& m = mapped_;
   double xxxx = 0, xxxy = 0, xxyy = 0, xyyy = 0, yyyy = 0;
@@ -164,7 +166,7 @@ void LobeEnds::find_fourth(std::size_t begin, std::size_t end, std::size_t to) {
     const double uxx = ux * ux, uxy = ux * uy, uyy = uy * uy;
     const double vxx = vx * vx, vxy = vx * vy, vyy = vy * vy;
     const double sxx = (uxx + vxx) / 3, sxy = (uxy + vxy) / 3, syy = (uyy + vyy) / 3;
-    // Moments of d + s u + t v: s^2 and t^2 have the mean 1/3, s^4 and t^4 1/5.
+    // Moments of d + s u + t v: s^2 and t^2 have the mean 1/3, s^4 and t^4 the mean 1/5.
     xxxx += w * (dxx * dxx + 6 * dxx * sxx + (uxx * uxx + vxx * vxx) / 5 + 2 * uxx * vxx / 3);
     xxxy += w * (dxx * dxy + 3 * (dxx * sxy + dxy * sxx) + (uxx * uxy + vxx * vxy) / 5 +
                  (uxx * vxy + uxy * vxx) / 3);
@@ -182,13 +184,13 @@ void LobeEnds::find_fourth(std::size_t begin, std::size_t end, std::size_t to) {
   yyyy_[to] = yyyy - 3 * ff * ff;
 }
 
-/// The pieces [begin, end) become patch `to`, if there is light.
+/// Makes patch `to` from the pieces [begin, end). Returns whether they have light.
 bool LobeEnds::add(std::size_t begin, std::size_t end, std::size_t to) {
   const Mapped& m = mapped_;
   double weight = 0, x = 0, y = 0, path = 0, xx = 0, yy = 0, xy = 0, xp = 0, yp = 0, pp = 0;
   for (std::size_t i = begin; i < end; ++i) {
     const double w = m.weight[i];
-    // About the first one, against cancellation.
+    // Sums are about the first piece, against cancellation.
     const double dx = m.x[i] - m.x[begin], dy = m.y[i] - m.y[begin], dp = m.path[i] - m.path[begin];
     const double ux = m.ux[i], uy = m.uy[i], vx = m.vx[i], vy = m.vy[i];
     const double pu = m.along_u[i], pv = m.along_v[i];
@@ -262,7 +264,7 @@ void LobeEnds::Blocks::clear() {
   for (auto* v : {&left, &right, &low, &high, &factor, &ee, &ff}) v->clear();
 }
 
-/// The block of the patches from `begin` on.
+/// Adds a block of the patches from `begin` on.
 void LobeEnds::Blocks::add(const LobeEnds& ends, std::size_t begin) {
   std::size_t end = begin;
   while (end < ends.size_ && end - begin < kBlock && ends.zone_[end] == ends.zone_[begin]) ++end;
@@ -290,8 +292,8 @@ std::array<std::size_t, 2> LobeEnds::Blocks::of_zone(int z) const {
           static_cast<std::size_t>(end - zone.begin())};
 }
 
-/// Blocks whose lobes may come near. Farther from an ellipse's middle along an axis than its reach
-/// in standard deviations along that axis, none of it is.
+/// Finds the blocks that may come within the lobe's reach. No point of an ellipse is farther from
+/// its middle along an axis than the reach times the standard deviation along that axis.
 BLINDCORNER_MULTIVERSION void LobePairs::find_reached(const LobeEnds& lit, const LobeEnds& seen,
                                                       std::size_t i, Reach& reach) const {
   const auto [first, end] = reach.blocks;

@@ -1,21 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Light of a retroreflector from pairs of a lit and a seen relay patch, as one point of the object
-/// sees them: what leaves towards r of the light that came from p is the lobe's density between
-/// their directions. Whatever the lobe's width; only pairs within its reach cost time.
+/// Light of a retroreflector as a sum over pairs of a lit and a seen relay patch, as one point of
+/// the object sees them. The share of the light from p that leaves towards r is the lobe's density
+/// between their directions. The sum holds for any width of the lobe, and only pairs within its
+/// reach cost time.
 ///
-/// Directions are points X of a stereographic map about the object's normal m, X = (d - c m) /
-/// (1 + c) with c = d . m. It keeps angles, and the chord between two directions is exactly
-/// |X - Y| sqrt((1 + c) (1 + c')), so that lobe and patches are distributions in one plane and a
-/// pair adds their covariances and fourth cumulants: a normal distribution with Edgeworth's first
-/// correction. Within a pair the lobe favours the parts of both patches that are near each other:
-/// where they are follows from the joint normal distribution, and with it the path.
+/// Directions are points X of a stereographic map about the object's normal m, X = (d - c m) / (1 +
+/// c) with c = d . m. The map keeps angles, and the chord between two directions is exactly |X - Y|
+/// sqrt((1 + c) (1 + c')). The lobe and the patches are therefore distributions in one plane. A
+/// pair adds their covariances and fourth cumulants, which gives a normal distribution with
+/// Edgeworth's first correction. Within a pair, the lobe favours the parts of both patches that are
+/// near each other. The joint normal distribution tells where these parts are, and so gives the
+/// path.
 ///
-/// Light from even patches side by side has to look even. At the frequency of a row of patches of
-/// edge w the true distribution, flat over both patches, has nothing: its transform is sinc^2.
-/// Normal distributions have exp(-2 pi^2 (s^2 / w^2 + 1/6)) there (s: the lobe), which is up to 4 %
-/// of the light, twice: lit and seen patches often coincide, so that every pair sees the same phase
-/// of the ripples and the light is too bright. The correction multiplies this by
-/// 1 - pi^4 / 90 = -0.08, whatever the lobe's width.
+/// Light from even patches side by side has to look even. The true distribution is flat over both
+/// patches; its transform sinc^2 is zero at the frequency of a row of patches of edge w. The
+/// transform of a normal distribution is exp(-2 pi^2 (s^2 / w^2 + 1/6)) there (s: the lobe), up to
+/// 4 % of the light, and ripples have twice this amplitude. Lit and seen patches often coincide, so
+/// every pair sees the same phase of the ripples and the light is too bright. Edgeworth's
+/// correction multiplies the ripples by 1 - pi^4 / 90 = -0.08, whatever the lobe's width.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,7 +32,7 @@ struct Pulses {
   std::vector<double> weight;    ///< 0: no light
   std::vector<double> path;      ///< m
   std::vector<double> variance;  ///< m^2
-  std::size_t count = 0;         ///< of pairs: how many are in use, dark ones included
+  std::size_t count = 0;         ///< pulses of pairs in use, dark ones included
 
   void resize(std::size_t size) {
     for (auto* v : {&weight, &path, &variance}) {
@@ -55,33 +57,35 @@ struct LobePieces {
   const double *ux, *uy, *uz;  ///< half edges, m
   const double *vx, *vy, *vz;
   const double *left_u, *left_v;  ///< shares of the edges that are seen
-  const double *bx, *by, *bz;     ///< m, from the point that was asked about to the piece's middle
+  const double *bx, *by, *bz;     ///< m, from the point that has this path to the piece's middle
 };
 
-/// Patches of one side: light's mean and covariance of place and path over the pieces of a group.
+/// Patches of one side, lit or seen. A patch has the mean and the covariance of place and path of
+/// the light over the pieces of a group.
 class LobeEnds {
  public:
-  /// `group_end`: one past the last piece of each group, neighbours near each other; `group_zone`
-  /// its zone, equal ones together. `half_u`, `half_v`: half edges of the object's cell, m, along
-  /// which both legs change (zero where its nodes stand for it).
+  /// `group_end`: one past the last piece of each group; consecutive groups should lie near each
+  /// other. `group_zone`: the zone of each group; groups of one zone are consecutive. `half_u`,
+  /// `half_v`: half edges of the object's cell, m, along which both legs change (zero where the
+  /// cell's nodes stand for its extent).
   void fill(const LobePieces& pieces, const std::vector<int>& group_end,
             const std::vector<int>& group_zone, const Eigen::Vector3d& normal,
             const Eigen::Vector3d& half_u, const Eigen::Vector3d& half_v);
 
  private:
   friend class LobePairs;
-  /// Blocks of consecutive patches of one zone, and what bounds each: arrays of one length.
+  /// Blocks of consecutive patches of one zone, with bounds on their patches: arrays of one length.
   struct Blocks {
     std::vector<PatchRange> patches;
     std::vector<int> zone;
-    std::vector<double> left, right, low, high;  ///< of the map
+    std::vector<double> left, right, low, high;  ///< bounds on the map
     std::vector<double> factor;                  ///< largest of 1 / (1 + c)
     std::vector<double> ee, ff;                  ///< largest variances of a patch along both axes
 
     std::size_t size() const { return patches.size(); }
     void clear();
     void add(const LobeEnds& ends, std::size_t begin);
-    /// [first, end) of those of a zone.
+    /// Blocks [first, end) of a zone.
     std::array<std::size_t, 2> of_zone(int z) const;
   };
   /// Pieces on the map.
@@ -108,8 +112,9 @@ class LobeEnds {
   Blocks blocks_;
 };
 
-/// The sum over pairs. The lobe ends four standard deviations off, where it is lowered to zero and
-/// scaled to hold all of its light: 0.3 % too high in the middle, its variance 1 % too small.
+/// The sum over pairs. The lobe ends at four standard deviations: it is lowered so that it is zero
+/// there, and scaled so that it holds all of its light. It is then 0.3 % too high in the middle,
+/// and its variance is 1 % too small.
 class LobePairs {
  public:
   /// `sigma`: standard deviation of the lobe, rad; `same_zone`: zones see their own light
@@ -135,11 +140,11 @@ class LobePairs {
   }
 
  private:
-  /// Lit blocks that a seen patch may reach, [first, end), and those that it does.
+  /// Lit blocks [first, end) that a seen patch may reach, and those that it reaches.
   struct Reach {
     std::array<std::size_t, 2> blocks;
     std::vector<PatchRange> reached;
-    std::vector<double> within;  ///< [blocks] reach less distance, signed
+    std::vector<double> within;  ///< [blocks] squared reach less squared distance; > 0: reached
   };
 
   void find_reached(const LobeEnds& lit, const LobeEnds& seen, std::size_t i, Reach& reach) const;

@@ -17,9 +17,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// A law falls without end at right angles to its axis and at its spot; beyond these it stays
-/// constant. By judgement: within a degree of the surface, and nearer than objects are large,
-/// nobody measures.
+/// A law goes to zero at right angles to its axis and to infinity at its spot. Below these values
+/// of cosine and distance it stays constant. By judgement: nobody measures within a degree of the
+/// surface, or nearer than objects are large.
 constexpr double kMinCosine = 0.02;
 constexpr double kMinDistance = 0.05;  // m
 

@@ -4,9 +4,9 @@
 
 namespace blindcorner {
 
-/// exp(-square / 2) for 0 <= square <= 36 to 3e-8 of itself, without branches.
+/// exp(-square / 2) for 0 <= square <= 36 with a relative error of 3e-8, without branches.
 inline double gaussian_of_square(double square) {
-  // exp(y) = exp(y / 32)^32, with seven terms about the middle of the range.
+  // exp(y) = exp(y / 32)^32, by a series of degree seven about the middle of the range.
   constexpr double kMiddle = -0.28;
   constexpr double kScale = 0.7557837414557255;  // exp(-0.28)
   const double t = -0.5 * square / 32 - kMiddle;

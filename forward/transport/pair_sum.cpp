@@ -21,7 +21,7 @@ constexpr double kLobeCut = 4.5;
 /// Cosines below this are rounding of single precision hits, not light.
 constexpr double kMinCosine = 1e-9;
 
-/// Consecutive legs, with a ball about their directions: lobes skip what is out of reach.
+/// Consecutive legs, with a ball about their directions: lobes skip the legs that are out of reach.
 struct Run {
   std::size_t begin, end;
   Vector3d center;
@@ -129,8 +129,8 @@ void light_of_lobe(LobeArrays& in, const Lobe& lobe, double first, double cells_
   }
 }
 
-/// Rays along each side of a patch that straddles a shadow's edge: its share is known to an eighth,
-/// and such patches are few.
+/// Rays along each side of a patch that straddles a shadow's edge. The share of the patch that is
+/// seen is then known to an eighth, and such patches are few.
 constexpr int kShadowRays = 4;
 
 bool blocked(const Blockers& blockers, const Vector3d& from, const Vector3d& to) {
@@ -138,14 +138,15 @@ bool blocked(const Blockers& blockers, const Vector3d& from, const Vector3d& to)
                      [&](const RayScene* bodies) { return bodies->blocked(from, to); });
 }
 
-/// What a point sees of a patch whose centre it does or does not see: five rays, and sixteen where
-/// they disagree. A shadow of something that fits between five points of a patch is missed.
+/// The part of a patch that a point sees. `center` tells whether it sees the centre. Five rays
+/// decide, and sixteen if the five disagree. The shadow of a body that fits between the five points
+/// of a patch is missed.
 VisiblePart visible_part(const Vector3d& from, const RelayPatch& patch, bool center,
                          const Blockers& blockers) {
   const auto sees = [&](double a, double b) {
     return !blocked(blockers, from, patch.area_center + a * patch.half_u + b * patch.half_v);
   };
-  // Corners a hair inside: the patch's own edge may be the surface's.
+  // Corners lie slightly inside, because the patch's own edge may be the surface's.
   constexpr double kCorner = 0.999;
   bool same = true;
   for (const double a : {-kCorner, kCorner}) {
@@ -167,8 +168,8 @@ VisiblePart visible_part(const Vector3d& from, const RelayPatch& patch, bool cen
   return part;
 }
 
-/// Takes away what the cell does not see. Where it sees the centres of all patches, or of none, no
-/// shadow's edge is looked for.
+/// Takes away the light that the cell does not see. If it sees the centres of all patches, or of
+/// none, no shadow's edge is searched for.
 void shade(const Vector3d& from, const std::vector<const WeightedPatch*>& ends,
            const Blockers& blockers, std::vector<Leg>& legs) {
   std::vector<char> center;
@@ -194,7 +195,7 @@ void shade(const Vector3d& from, const std::vector<const WeightedPatch*>& ends,
 
 FineAxis::FineAxis(const Sensor& sensor)
     : bins_(unwrapped_bins(sensor)),
-      // A sixteenth of the pulse, or of the narrowest one that is told apart.
+      // A cell is a sixteenth of the pulse's width, or of the narrowest pulse that is told apart.
       fine_(static_cast<int>(std::ceil(
           16 / std::clamp(sensor.response.core_sigma() / sensor.bin_width, kMinPulseBins, 1.0)))) {
   const auto [early, late] = sensor.response.support(kPulseTail);
@@ -258,7 +259,7 @@ struct PairSum::Deposit {
     const double position = start + scale * length;
     return position >= 0 && position < static_cast<double>(row.size()) - 2;
   }
-  /// Without a range check: `count` ways on from a leg of `length`.
+  /// Adds `count` ways that go on from a leg of `length`, without a range check.
   void add_all(double weight, double length, const double* weights, const double* lengths,
                std::size_t count) const {
     const double first = start + scale * length;
@@ -307,7 +308,7 @@ void PairSum::add_lambertian(int zone, double scattered, const std::vector<Leg>&
                              const std::vector<Leg>& out) {
   if (in.empty()) return;
   const Deposit put = deposit(zone);
-  // Side by side in memory.
+  // The ways in, side by side in memory.
   std::vector<double> weights, lengths;
   for (const Leg& p : in) {
     weights.push_back(p.weight * p.cosine);

@@ -13,15 +13,17 @@
 
 namespace blindcorner {
 
-/// Energy that a tabulated pulse of the reference may lose at either end: far below its own error.
+/// Share of the energy that a tabulated pulse of the reference may lose at either end: far below
+/// the reference's own error.
 inline constexpr double kPulseTail = 1e-8;
 
 /// Bodies that may stand in the way of an inner leg.
 using Blockers = std::vector<const RayScene*>;
 
-/// Light is first collected on a fine time axis, at least 16 cells a bin and 16 a pulse width, each
-/// pair shared linearly between two cells, and convolved with the pulse at the end. Sharing adds a
-/// variance of at most a quarter of a cell squared: below 1e-3 of the pulse's.
+/// Light is first collected on a fine time axis with at least 16 cells per bin and 16 per pulse
+/// width. The light of each pair is shared linearly between two cells. At the end, the cells are
+/// convolved with the pulse. Sharing adds a variance of at most a quarter of a cell squared, which
+/// is below 1e-3 of the pulse's.
 class FineAxis {
  public:
   explicit FineAxis(const Sensor& sensor);
@@ -58,16 +60,16 @@ class PairSum {
  public:
   explicit PairSum(const Sensor& sensor);
 
-  /// Light straight on: weight of a whole path of `length` m.
+  /// Adds the light of a whole path of `length` m.
   void add(int zone, double weight, double length);
   /// Lambertian cell: `scattered` is its area times albedo over pi.
   void add_lambertian(int zone, double scattered, const std::vector<Leg>& in,
                       const std::vector<Leg>& out);
-  /// Any cell of that area times albedo, with its BRDF.
+  /// Cell with any BRDF: `area_albedo` is its area times albedo.
   void add_brdf(int zone, double area_albedo, const Brdf& brdf, const Eigen::Vector3d& normal,
                 const std::vector<Leg>& in, const std::vector<Leg>& out);
-  /// Retroreflective cell of `area` m^2: f = rho G(alpha; sigma) / sqrt(cos_i cos_o), alpha's
-  /// Gaussian in chords of the unit sphere, so that it is normalised exactly.
+  /// Retroreflective cell of `area` m^2: f = rho G(alpha; sigma) / sqrt(cos_i cos_o). The Gaussian
+  /// G takes the chord of the unit sphere for alpha, so that it is normalised exactly.
   void add_retroreflective(int zone, double area, double albedo, double sigma,
                            const std::vector<Leg>& in, const std::vector<Leg>& out);
 

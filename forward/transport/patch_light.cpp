@@ -116,8 +116,8 @@ namespace {
 void shade(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView& shadows,
            int patch, Scratch& s) {
   const auto k = static_cast<std::size_t>(patch);
-  // What lies behind the object's surface is dark; a visible part may lie in front of it where the
-  // patch's own point does not.
+  // What lies behind the object's surface is dark. The visible part of a patch may lie in front of
+  // the surface even if the patch's own point lies behind it.
   const double reach = std::abs(node.normal.dot(arrays.half_u(patch))) +
                        std::abs(node.normal.dot(arrays.half_v(patch)));
   if (node.normal.dot(arrays.area_center(patch) - node.center) <= -reach) return;
@@ -148,7 +148,8 @@ void shade(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView
 
 }  // namespace
 
-/// Takes shadows away from weights, paths and, where there are any, directions.
+/// Takes the shadowed parts of patches away from weights and paths, and from directions where
+/// exchange() has found them.
 void shade_patches(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView* shadows,
                    Scratch& s) {
   s.partial.clear();
@@ -190,8 +191,8 @@ BLINDCORNER_MULTIVERSION void normalise(Pulses& p, std::size_t count) {
   }
 }
 
-/// Light that comes back to relay points from where it fell, of every point by itself: sums of
-/// weight, path and path squared. `way_in` is one when both outer legs count, zero when they
+/// Light that comes back to the relay points that it fell on, of each point by itself: sums of
+/// weight, path and path squared. `way_in` is one when both outer legs count, and zero when they
 /// cancel.
 BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const PatchArrays& a,
                                                      double scale, const Vector3d& u,
@@ -212,8 +213,8 @@ BLINDCORNER_MULTIVERSION void retro_light_of_patches(const Scratch& s, const Pat
   for (int i = 0; i < n; ++i) {
     const double weight = scale * w[i] * (albedo[i] / kPi);
     const double r = l[i] - leg[i];
-    // Lobe: p scatters about r by sigma r, stretched along the tilt by 1/cos: by judgement 20 times
-    // at most, because the footprint's light falls with the cosine.
+    // The lobe scatters p about the relay point by sigma r, stretched along the tilt by 1/cos. By
+    // judgement 20 times at most, because the footprint's light falls with the cosine.
     const double dn = dx[i] * nx[i] + dy[i] * ny[i] + dz[i] * nz[i];
     const double cosine = std::max(-dn, 0.05);
     const double cx = way_in * lx[i] + dx[i];
@@ -253,8 +254,8 @@ BLINDCORNER_MULTIVERSION void lobe_moments(const Scratch& s, std::size_t n, cons
   }
 }
 
-/// Light that comes back to a node from every patch: sums of weight, path and path squared. Both
-/// legs change with a cell's half edges u and v.
+/// Light that a node sends back to every patch, of each patch by itself: sums of weight, path and
+/// path squared. Both legs change along the half edges u and v of the node's cell.
 BLINDCORNER_MULTIVERSION void lobe_light_of_patches(const Scratch& s, std::size_t n,
                                                     const LobeLight& light, double scale,
                                                     const Vector3d& u, const Vector3d& v,
@@ -279,8 +280,8 @@ BLINDCORNER_MULTIVERSION void lobe_light_of_patches(const Scratch& s, std::size_
   }
 }
 
-/// Adds pulses to the two nearest of `count` path cells, each in proportion to nearness and with
-/// moments about the cell's own path, against cancellation. Widens `touched` by the cells used.
+/// Adds pulses to the two nearest of `count` path cells, each in proportion to nearness. Moments
+/// are about the cell's own path, against cancellation. Widens `touched` by the cells used.
 BLINDCORNER_MULTIVERSION void add_to_cells(const Pulses& p, std::size_t begin, std::size_t end,
                                            double cells_per_metre, int count, Sums* cells,
                                            Range& touched) {

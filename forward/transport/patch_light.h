@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Light between a point of the object and all patches of the relay: what the fast model's kernels
-/// work on.
+/// Light between a point of the object and all patches of the relay. The fast model's kernels work
+/// on it.
 #pragma once
 
 #include <array>
@@ -26,7 +26,8 @@ struct PatchArrays {
   std::vector<int> group_zone;  ///< zone that sees (or lights) the group
   std::vector<int> set_end;     ///< one past the last patch of each set appended
 
-  /// Consecutive patches whose areas lie inside a ball, for asking about shadows in bulk.
+  /// Consecutive patches, and a ball around their areas: one look at the ball may settle their
+  /// shadows.
   struct Block {
     int begin, end;
     Eigen::Vector3d center;
@@ -39,15 +40,16 @@ struct PatchArrays {
   static constexpr int kBlock = ShadowView::kChunk;
 
   int size() const { return static_cast<int>(x.size()); }
-  /// Of the areas that the patches stand for.
+  /// Coordinates of the areas that the patches stand for.
   PatchCoordinates coordinates() const {
     return {{ax.data(), ay.data(), az.data()},
             {ux.data(), uy.data(), uz.data()},
             {vx.data(), vy.data(), vz.data()}};
   }
-  /// Appends the patches of a zone, or of none (-1), as a set; groups are runs of equal number.
+  /// Appends the patches of a zone, or of none (-1), as a set. Consecutive patches with the same
+  /// group number are a group.
   void append(const std::vector<WeightedPatch>& patches, int zone);
-  /// After the last patch: blocks, and room to look at whole blocks.
+  /// To be called after the last patch: makes the blocks, and pads the coordinates to whole blocks.
   void finish();
   std::pair<std::size_t, std::size_t> set(std::size_t i) const {
     return {i == 0 ? 0 : static_cast<std::size_t>(set_end[i - 1]),
@@ -88,7 +90,7 @@ struct PatchArrays {
   }
 };
 
-/// Light of patches by themselves, as sums.
+/// Light of each patch by itself, as sums.
 struct LightSums {
   std::vector<double> weight;  ///< sum w
   std::vector<double> first;   ///< sum w p, p the path
@@ -111,10 +113,10 @@ struct Range {
   int begin = std::numeric_limits<int>::max(), end = 0;
 };
 
-/// What lobes about every seen patch gather, as seen from one place on the object.
+/// Light that the lobe about every seen patch gathers, as seen from one place on the object.
 struct LobeLight {
   std::vector<double> radiance;  ///< mean over the lobe, W/m^2/sr
-  std::vector<double> shift;     ///< m, mean path less the way out and once more its inner leg
+  std::vector<double> shift;     ///< m, mean path less the way out and less its inner leg
   std::vector<double> variance;  ///< m^2, of the path over lobe and patch
   bool known = false;
 
@@ -123,7 +125,8 @@ struct LobeLight {
   }
 };
 
-/// Patch that a point sees a share of, and where the middle of that is from the area's.
+/// Patch that a point sees in part, and that part. Its shift counts from the centre of the patch's
+/// area.
 struct Partial {
   std::size_t patch;
   VisiblePart part;
@@ -137,11 +140,11 @@ struct Scratch {
   std::vector<Partial> partial;          ///< patches seen in part, in order
   std::vector<double> distance, extent;  ///< of patches, for lobes
   std::vector<LobeLight> lobes;          ///< [anchor]
-  std::vector<SurfacePoint> anchors;     ///< middles of the cells that share one
+  std::vector<SurfacePoint> anchors;     ///< middles of the cells that share an anchor
   LightSums open, shaded;                ///< of some patches, for shadows in lobes
   std::vector<Sums> cells;               ///< [zone][path cell]; all zero between evaluations
   std::vector<Range> touched;            ///< [zone] path cells that hold light
-  LightSums patches;                     ///< of one node, every patch by itself
+  LightSums patches;                     ///< of one node, each patch by itself
   PathLight arriving, leaving;           ///< of one object point
   PathGrid::Splines splines;
   std::vector<PathLight> pairs;  ///< [zone]; dark between evaluations
@@ -149,7 +152,7 @@ struct Scratch {
   std::vector<double> left_u, left_v;          ///< shares of patches' edges that are seen
   std::vector<double> from_x, from_y, from_z;  ///< m, from patches' points to their middles
   LobeEnds lit_ends, seen_ends;
-  double pair_count = 0;  ///< of lit and seen patches that were looked at
+  double pair_count = 0;  ///< pairs of a lit and a seen patch that were looked at
 
   void prepare(int zones, int path_cells) {
     const auto count = static_cast<std::size_t>(zones);
@@ -166,7 +169,7 @@ struct Scratch {
   }
 };
 
-/// Of a cell: two along either edge.
+/// Nodes of a cell: two along either edge.
 constexpr int kNodes = 4;
 
 /// A cell as 2 x 2 Gauss-Legendre nodes, or as its centre with a path variance from its edges.
@@ -206,15 +209,16 @@ void exchange(const SurfacePoint& cell, const PatchArrays& a, Scratch& s);
 void light_between(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView* shadows,
                    Scratch& s);
 
-/// Takes shadows away from weights, paths and, where there are any, directions.
+/// Takes the shadowed parts of patches away from weights and paths, and from directions where
+/// exchange() has found them.
 void shade_patches(const SurfacePoint& node, const PatchArrays& arrays, const ShadowView* shadows,
                    Scratch& s);
 
 /// From sums to mean path and variance.
 void normalise(Pulses& p, std::size_t count);
 
-/// Light that comes back to relay points from where it fell, of every point by itself: sums of
-/// weight, path and path squared. `way_in` is one when both outer legs count, zero when they
+/// Light that comes back to the relay points that it fell on, of each point by itself: sums of
+/// weight, path and path squared. `way_in` is one when both outer legs count, and zero when they
 /// cancel.
 void retro_light_of_patches(const Scratch& s, const PatchArrays& a, double scale,
                             const Eigen::Vector3d& u, const Eigen::Vector3d& v, double lobe_sigma,
@@ -223,18 +227,18 @@ void retro_light_of_patches(const Scratch& s, const PatchArrays& a, double scale
 /// From sums to mean radiance, shift of the path and its variance.
 void lobe_moments(const Scratch& s, std::size_t n, const LightSums& sums, LobeLight& light);
 
-/// Light that comes back to a node from every patch: sums of weight, path and path squared. Both
-/// legs change with a cell's half edges u and v.
+/// Light that a node sends back to every patch, of each patch by itself: sums of weight, path and
+/// path squared. Both legs change along the half edges u and v of the node's cell.
 void lobe_light_of_patches(const Scratch& s, std::size_t n, const LobeLight& light, double scale,
                            const Eigen::Vector3d& u, const Eigen::Vector3d& v, LightSums& sums);
 
-/// Cells before path zero and after the end of the time axis, for pulses that only just reach it:
-/// four standard deviations of the widest, which is six of the sensor's pulse (widest_blur), in
-/// cells of kPathCell = 0.4 of that: 60.
+/// Path cells before path zero and after the end of the time axis, for pulses that only just reach
+/// the axis. The widest pulse has six standard deviations of the sensor's pulse (widest_blur), a
+/// cell 0.4 (kPathCell): four standard deviations of the widest are 60 cells.
 constexpr int kCellMargin = 64;
 
-/// Adds pulses to the two nearest of `count` path cells, each in proportion to nearness and with
-/// moments about the cell's own path, against cancellation. Widens `touched` by the cells used.
+/// Adds pulses to the two nearest of `count` path cells, each in proportion to nearness. Moments
+/// are about the cell's own path, against cancellation. Widens `touched` by the cells used.
 void add_to_cells(const Pulses& p, std::size_t begin, std::size_t end, double cells_per_metre,
                   int count, Sums* cells, Range& touched);
 

@@ -12,22 +12,26 @@
 namespace blindcorner {
 namespace {
 
-/// Cells beyond each end of a leg, for the splines and for two convolved: four cells hold a path.
+/// Cells beyond each end of a leg: room for the four cells of a path, and for two such legs
+/// convolved.
 constexpr int kMargin = 8;
 /// Cells that the inverse of the spline's samples reaches: 0.27^16 = 1e-9.
 constexpr int kSharpening = 16;
-/// Share of the pulse's energy that may be cut off at either end, and of the peak below which taps
-/// are left out: by judgement, a tenth of the finest tolerance that a fit asks for.
+/// Share of the pulse's energy that may be cut off at either end, and share of the largest tap
+/// below which the taps at either end are left out. By judgement: a tenth of the finest tolerance
+/// that a fit asks for.
 constexpr double kOutside = 1e-5;
-/// Coarsest and finest step in standard deviations of the pulse, between which the first is taken
-/// whose error is small enough; that falls with the fourth power of the step.
+/// Coarsest and finest step in standard deviations of the pulse. From the coarsest on, the first
+/// step whose error is small enough is taken. The error falls with the fourth power of the step.
 constexpr double kCoarsest = 1.0;
 constexpr double kFinest = 0.1;
-/// Most cells to the bin, by judgement: a bin so much wider than the pulse hides what is left. And
-/// how much finer the next step is: 0.8^4 = 0.4 of the error.
+/// Most cells per bin. By judgement: a bin so much wider than the pulse hides the error that is
+/// left.
 constexpr int kMaxPhases = 64;
+/// Ratio of the next step to a step: it leaves 0.8^4 = 0.4 of the error.
 constexpr double kRefinement = 0.8;
-/// Zeros around light that is convolved, so that four cells can be taken at once.
+/// Number of cells that are convolved at once, and of the zeros that this needs on either side of
+/// the light.
 constexpr int kBlock = 4;
 
 /// Coefficients [-kSharpening, kSharpening] of the inverse of (1/6, 4/6, 1/6), applied for each
@@ -76,15 +80,15 @@ BLINDCORNER_MULTIVERSION void place(const double* paths, const double* weights, 
   }
 }
 
-/// Copies of the cells that legs are added to in turn: legs of like path would else wait for each
-/// other.
+/// Number of copies of the cells. Legs are added to them in turn, because legs of similar paths
+/// would otherwise wait for each other.
 constexpr std::size_t kLanes = 4;
-/// Fewer legs are not worth the lanes: four to each, by judgement, because lanes have to be cleared
-/// and summed.
+/// Least number of legs that are worth the lanes: four for each lane. By judgement: lanes have to
+/// be cleared and summed.
 constexpr std::size_t kWorthLanes = 16;
 
-/// Adds the legs [begin, end) to `lanes` copies of the cells, each `stride` cells after the last,
-/// and finds the first and last cell that one begins at.
+/// Adds the legs [begin, end) to `lanes` copies of the cells, each `stride` cells after the one
+/// before. Finds the lowest and the highest cell at which a leg begins.
 void add_legs(const PathGrid::Splines& splines, std::size_t begin, std::size_t end, double* cells,
               std::size_t lanes, std::size_t stride, int& lowest, int& highest) {
   const int* cell = splines.cell.data();
@@ -160,7 +164,8 @@ BLINDCORNER_MULTIVERSION void scale_cells(const double* from, int count, double 
   for (int i = 0; i < count; ++i) to[i] = static_cast<float>(scale * from[i]);
 }
 
-/// Fills in a leg's cells in single precision: twice as fast, with an error of 1e-7.
+/// Fills in a leg's cells in single precision. Convolving them is twice as fast, with an error of
+/// 1e-7.
 void narrow_cells(PathLight& light) {
   const double* from = light.cells.data() + light.begin;
   const int count = light.end - light.begin;
@@ -172,10 +177,11 @@ void narrow_cells(PathLight& light) {
 /// Taps of a cell, ready to be added.
 struct Tap {
   const double* taps;
-  int start, count;  ///< bins, from that of the cell
+  int start, count;  ///< bins; `start` counts from the cell's bin
 };
 
-/// Cells from `cell` on, `phases` to the bin or one to `stride` bins.
+/// Adds `count` cells to a row. Either `phases` cells make a bin, or a cell has `stride` bins. The
+/// first cell has the place `phase` within the bin `bin`.
 BLINDCORNER_MULTIVERSION void add_cells(const double* cells, int count, const Tap* taps, int phase,
                                         int phases, int stride, int bin, int bins,
                                         double* __restrict row) {
@@ -237,7 +243,8 @@ PathGrid::PathGrid(const Sensor& sensor, Paths paths, double extra_variance, int
   }
 }
 
-/// Cells of whole bins, or whole cells to the bin, so that few kinds of cells lie alike.
+/// The coarsest cell that meets the tolerance. It has a whole number of bins, or a whole number of
+/// cells make a bin, so that cells have few different places within a bin.
 PathGrid::CellWidth PathGrid::coarsest_cell(const Sensor& sensor, Paths paths,
                                             double extra_variance, double tolerance) {
   const double bin = sensor.bin_width;
@@ -260,7 +267,7 @@ std::vector<PathGrid::Filter> PathGrid::filters(const ImpulseResponse& response,
   const int reach = (kSharpening * bins_per_cell_ + phases_ - 1) / phases_ + 2;
   const int first = static_cast<int>(std::floor(early / bin_width)) - reach;
   const int last = static_cast<int>(std::ceil(late / bin_width)) + reach;
-  // The response's integral up to the k-th of `phases_` parts of bins, from bin `origin`.
+  // The response's integral up to k parts after bin `origin`; a bin has `phases_` parts.
   const int origin = first - reach;
   std::vector<double> integral;
   for (int k = 0; k <= (last + reach + 1 - origin) * phases_; ++k) {
@@ -274,7 +281,7 @@ std::vector<PathGrid::Filter> PathGrid::filters(const ImpulseResponse& response,
     for (int b = first; b < last; ++b) {
       double sum = 0;
       for (int n = -kSharpening; n <= kSharpening; ++n) {
-        // A pulse at `phase` parts of a bin, less n cells.
+        // A pulse at `phase` parts of a bin, moved back by n cells.
         const auto low =
             static_cast<std::size_t>((b - origin) * phases_ - phase + n * bins_per_cell_);
         sum += sharp[static_cast<std::size_t>(n + kSharpening)] *
@@ -293,8 +300,8 @@ std::vector<PathGrid::Filter> PathGrid::filters(const ImpulseResponse& response,
   return made;
 }
 
-/// Largest error of a bin, relative to the largest bin, of a pulse whose path, or whose two legs,
-/// end between cells.
+/// Largest error of a bin, relative to the largest bin, of pulses whose whole path, or whose two
+/// legs, end between cells.
 double PathGrid::error_between_cells(const Sensor& sensor, Paths paths, double extra_variance,
                                      CellWidth width) {
   const double bin = sensor.bin_width;
@@ -379,7 +386,8 @@ void PathGrid::pair(const PathLight& in, const PathLight& out, double scale,
                     PathLight& pairs) const {
   if (in.dark() || out.dark()) return;
   if (pairs.cells.size() < pair_cells_) pairs.cells.resize(pair_cells_, 0.0);
-  // Cells of legs count from kBlock, and path zero lies at margin_ of each: at twice that of pairs.
+  // Cells of a leg count from kBlock. Path zero lies at cell margin_ of a leg, and at cell 2
+  // margin_ of the pairs.
   const int first = in.begin + out.begin - 2 * kBlock;
   const int a_count = in.end - in.begin;
   const int b_count = out.end - out.begin;

@@ -26,12 +26,14 @@ using Eigen::Vector3d;
 /// Lit cells that meet a lobe are at most this share of its footprint's sigma wide: two Gauss nodes
 /// then err by 3 * 0.8^4 / 4320 = 3e-4 of a normal density's peak.
 constexpr double kLobeCell = 0.8;
-/// Share of the light times fourth power of the path spread (half range over pulse) of a cell. By
-/// judgement: two Gauss nodes err by a 90th of it, 1e-3 of a normal density's peak.
+/// Largest product of a cell's share of the light and the fourth power of its path spread (half
+/// range over pulse). By judgement: two Gauss nodes err by a 90th of this, which is 1e-3 of a
+/// normal density's peak.
 constexpr double kPathError = 0.1;
-/// Cells of a large object may be this long against the pulse, and against the distance from the
-/// relay, where that is more than the options' edge: a scene of kilometres needs no more cells than
-/// the same scene of metres. By judgement: two Gauss nodes stand for each.
+/// Largest edges of the cells of a large object, in units of the pulse's path and of the distance
+/// from the relay. The smaller one counts if it is larger than the options' edge. A scene of
+/// kilometres then needs no more cells than the same scene of metres. By judgement: two Gauss nodes
+/// stand for each edge.
 constexpr double kEdgePulses = 3.0;
 constexpr double kEdgeDistance = 0.25;
 /// Most cells along an object; more would take minutes and gigabytes.
@@ -39,10 +41,11 @@ constexpr double kMaxCells = 2000;
 /// Steps around a curved body that blocks: its inscribed polygon is then 0.07 % too small in area.
 constexpr int kRoundSegments = 96;
 
-/// Sampling of the known scene's later bounces, whose light on the reference floor, the walls, the
-/// TMF8828 floor and the corridor it has within 0.2 to 0.6 % (L2 over photon noise) of a denser
-/// sampling: edges are 0.08 to 0.67 of those of the fast model's default (StaticLightSampling),
-/// which it judges, and 0.5 to 0.8 of those of its finest.
+/// Sampling of the known scene's later bounces. On the reference floor, the walls, the TMF8828
+/// floor and the corridor, their light is within 0.2 to 0.6 % (L2 over photon noise) of that of a
+/// denser sampling. Edges are 0.08 to 0.67 of those of the fast model's default sampling
+/// (StaticLightSampling), which this one judges, and 0.5 to 0.8 of those of the fast model's
+/// finest.
 constexpr StaticLightSampling kDenseBounces{.zone_divisions = 2,
                                             .outer_divisions = 3,
                                             .field_divisions = 12,
@@ -122,13 +125,13 @@ class ReferenceRenderer final : public ForwardModel {
   /// Light of the known scene alone.
   struct StaticBackground {
     PulseTable pulses;
-    KnownBounces bounces;  ///< by the usual sampling, which a shadow has
-    HistogramCube usual;   ///< light of these
-    HistogramCube light;   ///< of all bounces, as densely sampled as the options say
+    KnownBounces bounces;  ///< with the usual sampling, which shadows use
+    HistogramCube usual;   ///< light of `bounces`
+    HistogramCube light;   ///< direct return and bounces, as densely sampled as the options say
 
     StaticBackground(const Scene& scene, const RelaySetup& setup, const ReferenceOptions& options);
   };
-  /// Summed when it is first asked for: it may take longer than many poses.
+  /// Summed on the first call, because it may take longer than many poses.
   const StaticBackground& background() const;
 
   using Patches = std::vector<std::vector<WeightedPatch>>;
@@ -155,7 +158,8 @@ class ReferenceRenderer final : public ForwardModel {
 /// Divisions of a zone at which the known scene's light has its usual sampling.
 constexpr double kUsualDivisions = 4;
 /// Path spread of the direct return's cells over the pulse's standard deviation, times the
-/// divisions of a zone: the fast model's at the usual sampling, less than that at denser ones.
+/// divisions of a zone. The spread is the fast model's at the usual sampling, and less at denser
+/// ones.
 constexpr double kDirectSpread = 1.2;
 
 ReferenceRenderer::StaticBackground::StaticBackground(const Scene& scene, const RelaySetup& setup,
@@ -190,21 +194,21 @@ double exchanged(const RelayPatch& patch, const Vector3d& object) {
 }
 
 /// Half an edge of a relay cell, as seen from the object, in standard deviations of the narrowest
-/// lobe of its BRDF.
+/// lobe of the object's BRDF.
 constexpr double kLobeEdge = 0.5;
 
 /// Most cells along an object that a lobe may ask for, by judgement of time.
 constexpr double kMaxLobeCells = 300;
 
-/// rad; infinite of materials without a BRDF of their own.
+/// Narrowest lobe of the object's BRDF, rad; infinite for materials without a BRDF of their own.
 double narrowest_lobe(const HiddenObject& object) {
   const auto* material = std::get_if<BrdfMaterial>(&object.material);
   return material != nullptr ? material->brdf->narrowest_lobe()
                              : std::numeric_limits<double>::infinity();
 }
 
-/// Divides cells, as of a floor seen at a grazing angle, whose paths to the object differ by more
-/// than the pulse can stand. Two Gauss nodes err by the fourth power of the half difference h over
+/// Divides cells whose paths to the object differ too much for the pulse, such as those of a floor
+/// seen at a grazing angle. Two Gauss nodes err by the fourth power of h, half the difference over
 /// the pulse's width, so a cell with the share s of the region's light may have h^4 = 0.1 / s. For
 /// a BRDF, cells are also divided until the object sees half an edge under at most kLobeEdge.
 Split ReferenceRenderer::path_split(const PlacedObject& placed, double all_light) const {
@@ -236,10 +240,10 @@ std::vector<WeightedPatch> ReferenceRenderer::split_by_path(
   return sample();
 }
 
-/// Relay cells along a zone. Where there are more than eight zones along the field, they are so
-/// small that they need fewer: as many along the field as eight zones have, two at least. Of 16 x
-/// 16 zones two cells err by 2e-4 of the light (L2; plate, retroreflective cylinder) where four err
-/// by 9e-5, at a quarter of the time.
+/// Number of relay cells along a zone. Where more than eight zones lie along the field, zones are
+/// so small that they need fewer cells: as many along the field as eight zones have, but at least
+/// two per zone. With 16 x 16 zones, two cells err by 2e-4 of the light (L2; plate, retroreflective
+/// cylinder) and four by 9e-5; two take a quarter of the time.
 int cells_along_zone(const Sensor& sensor, int zone_divisions) {
   constexpr int kZones = 8, kFewest = 2;
   const int zones = std::max({sensor.rows, sensor.columns, kZones});
@@ -309,8 +313,8 @@ double ReferenceRenderer::longest_edge(const PlacedObject& placed) const {
   }
   const double lobe = narrowest_lobe(*placed.object);
   if (std::isinf(lobe)) return edge / placed.size;
-  // Over an edge e at the distance r, the way that a mirror sends light turns by 2 e / r. The
-  // nearest part of the object is not all of it.
+  // Over an edge e at the distance r, the direction in which a mirror sends light turns by 2 e / r.
+  // The object's nearest part is not the whole object, so a larger distance counts.
   const double middle = std::max(distance, 0.5 * (distance + radius));
   const double for_lobe = kLobeEdge * lobe * middle;
   if (2 * radius > kMaxLobeCells * for_lobe) {

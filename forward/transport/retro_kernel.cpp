@@ -9,11 +9,12 @@
 namespace blindcorner {
 namespace {
 
-/// Width of a path cell in pulse standard deviations: pairs in one cell differ by a spread of
-/// s = 0.4^2 / 6 = 0.03, whose closure error is below 1e-4. Wider cells leave kinks in the pose.
+/// Width of a path cell in pulse standard deviations: pairs in one cell differ by a spread of s =
+/// 0.4^2 / 6 = 0.03, whose closure error is below 1e-4. With wider cells, the light has kinks as
+/// the pose changes.
 constexpr double kPathCell = 0.4;
-/// Parts of a costly object's cells, side by side; fixed, so that sums do not depend on threads. By
-/// judgement: some for each core.
+/// Number of parts in which a costly object's cells are summed in parallel. It is fixed, so that
+/// sums do not depend on the number of threads. By judgement: some for each core.
 constexpr std::size_t kParts = 4;
 
 }  // namespace
@@ -41,7 +42,8 @@ void RetroKernel::render(const ObjectInPlace& object, Scratch& s) const {
   } else {
     thread_local std::vector<Scratch> parts(kParts);
     std::vector<Scratch>& own = parts;  // this thread's, whoever works on them
-    // Isolated (parallel.h): another render on this thread would need the same scratch.
+    // The loop is isolated (parallel.h), because another render on this thread would need the same
+    // scratch.
     parallel_for(std::size_t{0}, kParts, [&](std::size_t part) {
       own[part].prepare(scene().sensor.zone_count(), path_cells_);
       own[part].pair_count = 0;
@@ -52,7 +54,7 @@ void RetroKernel::render(const ObjectInPlace& object, Scratch& s) const {
   flush(s);
 }
 
-/// Every `step`-th cell.
+/// Adds every `step`-th cell from `first` on.
 void RetroKernel::add_cells(const ObjectInPlace& object, const std::vector<SurfaceCell>& cells,
                             std::size_t first, std::size_t step, Scratch& s) const {
   std::vector<ShadowView> shadows;
@@ -75,7 +77,7 @@ void RetroKernel::add_cells(const ObjectInPlace& object, const std::vector<Surfa
   }
 }
 
-/// Moves the light of a part to the whole; leaves the part's cells empty.
+/// Moves the light of a part to the whole, and leaves the part's cells empty.
 void RetroKernel::collect(Scratch& part, Scratch& whole) const {
   whole.pair_count += part.pair_count;
   for (std::size_t z = 0; z < static_cast<std::size_t>(scene().sensor.zone_count()); ++z) {
@@ -103,7 +105,7 @@ void RetroKernel::add_pulses(Scratch& s, int zone, std::size_t begin, std::size_
                s.touched[static_cast<std::size_t>(zone)]);
 }
 
-/// One pulse for each path cell that holds light; leaves the cells empty.
+/// Renders one pulse for each path cell that holds light, and leaves the cells empty.
 void RetroKernel::flush(Scratch& s) const {
   const Sensor& sensor = scene().sensor;
   for (int z = 0; z < sensor.zone_count(); ++z) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What both kernels of a retroreflector share. It sends light back to where it came from: groups
-/// of relay patches, or pairs of them, are one pulse each, of their weight, mean path and path
-/// variance. Pulses with nearly the same path share one: each adds its moments to the two nearest
-/// cells of a path axis, in proportion to nearness, so the sum stays continuous in the pose and
-/// every moment up to the second is kept.
+/// The part that both kernels of a retroreflector share. A retroreflector sends light back to where
+/// it came from. Each group of relay patches, or each pair of patches, is one pulse with its
+/// weight, mean path and path variance. Pulses with nearly the same path are joined: each adds its
+/// moments to the two nearest cells of a path axis, in proportion to nearness. The sum thus stays
+/// continuous in the pose, and every moment up to the second is kept.
 #pragma once
 
 #include <memory>
@@ -33,7 +33,7 @@ class RetroKernel : public TransportKernel {
 
   explicit RetroKernel(const KernelInputs& inputs);
 
-  /// Before the first cell of a placement.
+  /// Called before the first cell of a placement.
   virtual void begin(const std::vector<SurfaceCell>& /*cells*/, Scratch& /*s*/) const {}
   virtual void add_cell(const ShadedCell& cell, Scratch& s) const = 0;
   /// Whether an object takes milliseconds: its cells are then shared among threads.
@@ -45,7 +45,7 @@ class RetroKernel : public TransportKernel {
   double lobe_sigma() const {
     return std::get<RetroreflectiveMaterial>(scene().hidden.material).lobe_sigma;
   }
-  /// Pulses [begin, end) go to the cells of a zone.
+  /// Adds the pulses [begin, end) to the path cells of a zone.
   void add_pulses(Scratch& s, int zone, std::size_t begin, std::size_t end) const;
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Pairs of a lit and a seen patch within the lobe's reach (lobe_pairs.h).
+/// Kernel that sums over pairs of a lit and a seen patch within the lobe's reach (lobe_pairs.h).
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -12,8 +12,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Shares of a parallelogram's edges that are left when a straight edge moves its middle by
-/// `shift`.
+/// Shares of a parallelogram's edges that are left when a straight cut moves its middle by `shift`.
 std::array<double, 2> edges_left(const Vector3d& shift, const Vector3d& u, const Vector3d& v) {
   const double uu = u.squaredNorm(), vv = v.squaredNorm(), uv = u.dot(v);
   const double det = uu * vv - uv * uv;
@@ -23,7 +22,7 @@ std::array<double, 2> edges_left(const Vector3d& shift, const Vector3d& u, const
   return {std::max(1 - std::abs(a), 0.0), std::max(1 - std::abs(b), 0.0)};
 }
 
-/// Patches as a node sees them.
+/// Fills `ends` with the patches as a node sees them.
 void see_ends(const SurfacePoint& node, const PatchArrays& a, const ShadowView* shadows,
               const CellNodes& cell, Scratch& s, LobeEnds& ends) {
   light_between(node, a, shadows, s);
@@ -46,7 +45,7 @@ void see_ends(const SurfacePoint& node, const PatchArrays& a, const ShadowView* 
     const auto left = edges_left(part.shift, a.half_u(i), a.half_v(i));
     s.left_u[patch] = left[0];
     s.left_v[patch] = left[1];
-    // The outer leg of the part that is seen.
+    // Takes off the change of the outer leg to the visible part: the inner leg is left.
     const Vector3d middle = part.shift + (1 - part.fraction) * (a.area_center(i) - a.center(i));
     s.distance[patch] -= a.leg_direction(i).dot(middle);
     for (auto* v : {&s.from_x, &s.from_y, &s.from_z}) (*v)[patch] *= part.fraction;
@@ -78,8 +77,8 @@ class RetroPairsKernel final : public RetroKernel {
     }
   }
 
-  /// Some ten nanoseconds a pair, of which few are in reach, for each of some hundred nodes:
-  /// with so many, a node takes up to a millisecond.
+  /// A pair in reach takes some ten nanoseconds at each of some hundred nodes, and few pairs are in
+  /// reach. With kCostly pairs of patches, a node takes up to a millisecond.
   bool costly() const override {
     return static_cast<double>(sampling().lit.size()) * sampling().seen.size() > kCostly;
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The lobe is small against the lit spot: light comes back from about where it fell. Integrating
-/// the lobe over p leaves the radiance about r (lobe_field.h), and the fall-off is 1/r^2.
+/// Kernel for a lobe that is small against the lit spot: light comes back from about where it fell.
+/// The integral of the lobe over p leaves the radiance about r (lobe_field.h), and light falls with
+/// the inverse square of the distance.
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -14,16 +15,18 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Less than this of a lobe's light is none: the normal distribution's own error (8e-8).
+/// A share of a lobe's light below this counts as none: it is about the error of the normal
+/// distribution function (8e-8).
 constexpr double kNoShare = 1e-7;
 
-/// Clears the first `count` sums, to be added to.
+/// Clears the first `count` sums and returns them, so that light can be added.
 LobeSums lobe_sums(LightSums& sums, std::size_t count) {
   for (auto* v : {&sums.weight, &sums.first, &sums.second}) std::fill_n(v->begin(), count, 0.0);
   return {sums.weight.data(), sums.first.data(), sums.second.data()};
 }
 
-/// Takes what occluders hide from the light of one patch: `i` in the chunk's sums, `patch` of all.
+/// Takes away what occluders hide of the light of one patch. The patch has the index `i` in the
+/// chunk's sums and `patch` among all patches.
 void shade_patch(std::size_t i, std::size_t patch, Scratch& s) {
   double& weight = s.patches.weight[patch];
   double& path = s.patches.first[patch];
@@ -83,7 +86,7 @@ class RetroSingleKernel final : public RetroKernel {
       const std::size_t anchor = sampling().anchor[cell.index];
       if (!s.lobes[anchor].known) gather(s.anchors[anchor], s.lobes[anchor], s);
     }
-    // Both outer legs are the patch's own; counted from the relay they cancel.
+    // Both outer legs are the patch's own. If paths count from the relay, the legs cancel.
     const double way_in = scene().sensor.path_origin == PathOrigin::sensor ? 1 : 0;
     const std::size_t groups = seen.group_end.size();
     const auto patches = static_cast<std::size_t>(seen.size());
@@ -119,7 +122,7 @@ class RetroSingleKernel final : public RetroKernel {
     add_seen_pulses(s);
   }
 
-  /// All pulses, given as sums, go to the zones of the seen groups, one for each.
+  /// Adds the pulses, given as sums, to the zones of the seen groups: one pulse for each group.
   void add_seen_pulses(Scratch& s) const {
     const std::size_t groups = sampling().seen.group_zone.size();
     normalise(s.pulses, groups);
@@ -151,7 +154,7 @@ class RetroSingleKernel final : public RetroKernel {
             normal};
   }
 
-  /// Visits the patches that lobes may be asked about together: zone, first and one past the last.
+  /// Visits the patches whose lobes may be handled together: zone, first and one past the last.
   void for_each_zone(const std::function<void(int, std::size_t, std::size_t)>& visit) const {
     for (std::size_t g = 0, begin = 0; g < sampling().seen.group_end.size();) {
       const int zone = sampling().seen.group_zone[g];
@@ -164,14 +167,14 @@ class RetroSingleKernel final : public RetroKernel {
     }
   }
 
-  /// Inner legs of the ways out in `s`.
+  /// Finds the inner legs of the ways out in `s`.
   void inner_legs(Scratch& s) const {
     s.distance.resize(static_cast<std::size_t>(sampling().seen.size()));
     for (std::size_t i = 0; i < s.distance.size(); ++i)
       s.distance[i] = s.path[i] - sampling().seen.leg[i];
   }
 
-  /// What lobes about all patches gather, without occluders.
+  /// Finds the light that the lobes about all patches gather, without occluders.
   void gather(const SurfacePoint& anchor, LobeLight& light, Scratch& s) const {
     const auto count = static_cast<std::size_t>(sampling().seen.size());
     exchange(anchor, sampling().seen, s);
@@ -189,8 +192,8 @@ class RetroSingleKernel final : public RetroKernel {
     light.known = true;
   }
 
-  /// Takes away what occluders hide of the lobes of one node: the share of the light and its paths'
-  /// change, about those patches that shadows come near.
+  /// Takes away what occluders hide of the lobes of one node. Corrects the light and its paths for
+  /// those patches that shadows come near.
   void shade_lobes(const SurfacePoint& node, const std::vector<OccluderFace>& occluders,
                    Scratch& s) const {
     s.extent.assign(sampling().seen.spread.begin(), sampling().seen.spread.end());
@@ -213,7 +216,7 @@ class RetroSingleKernel final : public RetroKernel {
     });
   }
 
-  std::optional<LobeField> lobe_;  ///< nothing of relay points
+  std::optional<LobeField> lobe_;  ///< empty for relay points
 };
 
 }  // namespace

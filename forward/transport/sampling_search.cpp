@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The cheapest sampling that meets a tolerance, by what finer ones would change.
+/// Search for the cheapest sampling that meets a tolerance. The error of a sampling is judged by
+/// how much a finer one would change the light.
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -15,40 +16,47 @@
 namespace blindcorner {
 namespace {
 
-/// Coarseness of sampling that is looked at, in units of what the estimates in sampling.cpp ask
-/// for, and the ratio from one to the next: cells double with each sqrt(2). By judgement, far
-/// enough to either side that estimates may be wrong by the fourth power of it: 2^10, and a 25th.
+/// Coarsest and finest sampling that is tried, in units of the steps that the estimates in
+/// sampling.cpp ask for, and the ratio of one sampling to the next: sqrt(2) doubles the number of
+/// cells. By judgement: errors grow with the fourth power of the coarseness, so the estimates may
+/// be wrong by a factor of 2^10 to one side and of 25 to the other.
 constexpr double kCoarsest = 5.657;
 constexpr double kFinest = 0.45;
 constexpr double kCoarsenessStep = 1.41421356;
-/// The same for rules of points, whose error falls so fast that smaller steps pay: half as long.
+/// The same for rules of points. Their error falls so fast that smaller steps pay: two of them make
+/// one of the others.
 constexpr double kRuleStep = 1.18920712;
 constexpr double kRuleFinest = 0.3;
-/// Change of the worst bin, relative to the peak, for each relative change of all light (L2): 1.5
-/// to 2 on floors and walls. Rules and pairs are chosen by twice the latter: a single bin at the
-/// edge of a lobe's footprint says little of a pose.
+/// Ratio of the worst bin's change, relative to the peak, to the relative change of all light (L2):
+/// 1.5 to 2 on floors and walls. Samplings of rules and of pairs are judged by kPeakOfL2 times the
+/// change of all light, because a single bin at the edge of a lobe's footprint says little about a
+/// pose.
 constexpr double kPeakOfL2 = 2;
-/// The coarsest of rules: of the shipped scenes none is coarser, to 10 %. The object's is looked
-/// for with the relay's: shadows' edges hardly change with the object's points.
+/// Coarsest samplings that are tried for rules of points: no shipped scene takes a coarser one, to
+/// 10 %. The search for the object's sampling leaves the relay at kRuleRelay, because the edges of
+/// shadows hardly change with the object's points.
 constexpr double kRuleRelay = 1.41421356;
 constexpr double kRuleObject = 2;
-/// The same of pairs' object points, whose estimate holds for the patches' sake: where on the
-/// object light turns back does not move the lobe's middle.
+/// Coarsest sampling of the object that is tried for pairs. The estimate's limit for pairs is made
+/// for the relay's patches and far too strict for the object: where on the object light turns back
+/// does not move the lobe's middle.
 constexpr double kPairsObject = 8 * kCoarsest;
-/// And of their patches: resolves_lobe() says how wide they may be.
+/// Coarsest sampling of the relay that is tried for pairs: resolves_lobe() says how wide patches
+/// may be.
 constexpr double kPairsRelay = 2 * kCoarsest;
-/// Most pairs of lit and seen patches that a lobe's model takes for an evaluation, by judgement of
-/// time: the search for a sampling ends there, whatever the tolerance.
+/// Most pairs of a lit and a seen patch, over all points of the object, that one evaluation may
+/// take. By judgement of time: the search for a sampling ends there, whatever the tolerance.
 constexpr double kMaxPairs = 2.5e7;
-/// Most legs between patches and the object's points that its single sum takes, likewise.
+/// Most legs between patches and the object's points that a lobe's single sum may take, likewise.
 constexpr double kMaxLegs = 4e6;
 
-/// Change of a bin, relative to the peak, that no coarse sampling makes: where one sum differs so
-/// much from pairs, no finer sampling of it is looked for.
+/// Change of a bin, relative to the peak, that is too large to come from a coarse sampling. If the
+/// single sum differs from pairs by more than this, no finer sampling of the single sum is tried.
 constexpr double kSurelyPairs = 1;
 
-/// Relative change of a pose's light (L2), root mean square over poses; those that give next to no
-/// light, by judgement a thousandth of the brightest's peak, do not count.
+/// Relative change of a pose's light (L2), root mean square over the poses. Poses with next to no
+/// light do not count: by judgement, those whose peak is at most a thousandth of the brightest
+/// pose's peak.
 double l2_change(const std::vector<HistogramCube>& coarse, const std::vector<HistogramCube>& fine) {
   constexpr double kDark = 1e-3;
   double brightest = 0;
@@ -69,8 +77,8 @@ double l2_change(const std::vector<HistogramCube>& coarse, const std::vector<His
   return std::sqrt(sum / std::max(poses, 1.0));
 }
 
-/// Largest change of a bin, relative to the peak of its pose; poses that give next to no light, by
-/// judgement a thousandth of the brightest's peak, do not count.
+/// Largest change of a bin, relative to the peak of its pose. Poses with next to no light do not
+/// count, as in l2_change().
 double largest_change(const std::vector<HistogramCube>& coarse,
                       const std::vector<HistogramCube>& fine) {
   constexpr double kDark = 1e-3;
@@ -97,18 +105,19 @@ class SamplingSearch {
     kernel_ = model({kCoarsest, kCoarsest})->kernel();
   }
 
-  /// Limits become stricter until going on to at least twice as many cells would change no bin of
-  /// any probed pose by more than the tolerance (of the pose's peak; of rules and pairs, kPeakOfL2
-  /// times the change of all light, root mean square over the poses). The error falls with the
-  /// fourth power of a cell's edges, so the change is at least three quarters of the coarser one's
-  /// error. The object takes half of the tolerance at most, the relay what that leaves.
+  /// Makes the sampling finer until at least twice as many cells would change the light of the
+  /// probed poses by less than the tolerance. For a lobe's single sum, the change is that of the
+  /// worst bin, relative to its pose's peak. For rules and pairs, it is kPeakOfL2 times the
+  /// relative change of all light (L2), root mean square over the poses. The error falls with the
+  /// fourth power of a cell's edges, so the change is at least three quarters of the coarser
+  /// sampling's error. The object takes at most half of the tolerance, and the relay what is left.
   SamplingStep find() {
     const double tolerance = options_.tolerance;
-    // Pairs err by the object's cells the same at a coarser relay.
+    // For pairs, the error of the object's cells is the same with a coarser relay.
     SamplingStep sampling_step{2.0, kCoarsest};
     if (kernel_ == Kernel::retro_pairs) sampling_step.relay = kCoarsest;
     if (by_rules(kernel_)) sampling_step.relay = kRuleRelay;
-    // Half of the time is left for a finer relay.
+    // The object may take half of the time. The other half is left for a finer relay.
     while (too_long(*model(sampling_step), 0.5) && sampling_step.relay < kCoarsest) {
       sampling_step.relay *= kCoarsenessStep;
     }
@@ -123,7 +132,7 @@ class SamplingSearch {
         },
         [](const FastModel& m) { return m.sampling().object_nodes; });
     sampling_step.object = object.coarseness;
-    // Of pairs, root mean squares of errors that have nothing to do with each other.
+    // For pairs, both changes are root mean squares of independent errors, so their squares add.
     const double taken = std::min(object.change, 0.5 * tolerance);
     const Choice relay = coarsest(
         rules                            ? kRuleRelay
@@ -144,7 +153,7 @@ class SamplingSearch {
     worst_change_ = object.worst_change + relay.worst_change;
     return sampling_step;
   }
-  /// Largest change of a bin, by object and relay, where the search ended.
+  /// Largest change of a bin where the search ended: the object's plus the relay's.
   double worst_change() const { return worst_change_; }
   double unresolved() const { return unresolved_; }
 
@@ -152,7 +161,8 @@ class SamplingSearch {
     sampling_step.lobe_pairs = lobe_pairs_;
     return std::make_unique<FastModel>(view_, options_, FoundSampling{sampling_step, 0, {}});
   }
-  /// Histograms of the probed poses; learns which share of all pairs of patches they look at.
+  /// Histograms of the probed poses. For pairs, also finds the largest share of all pairs of
+  /// patches that a pose looks at.
   std::vector<HistogramCube> probe(const FastModel& model) {
     const Scene& scene = view_->transport->scene;
     const std::vector<PoseVector>& poses = view_->transport->probe_poses;
@@ -172,28 +182,28 @@ class SamplingSearch {
   struct Choice {
     double coarseness;
     double change;                 ///< by going on to twice as many cells, as a share of the peak
-    double worst_change = change;  ///< the same of the worst bin
+    double worst_change = change;  ///< the same for the worst bin
   };
 
   static double pair_count(const FastModel& m) {
     return 1.0 * m.sampling().lit.size() * m.sampling().seen.size() * m.sampling().object_nodes;
   }
-  /// Whether an evaluation would take more than that share of the longest time.
+  /// Whether an evaluation would take more than this share of the longest time.
   bool too_long(const FastModel& m, double share) const {
     if (kernel_ == Kernel::retro_pairs) return near_share_ * pair_count(m) > share * kMaxPairs;
     const Sampling& sampling = m.sampling();
     if (kernel_ == Kernel::brdf_pairs) {
-      // Of a confocal sensor, the light of a zone's own spot only.
+      // With a confocal sensor, a zone pairs only with its own lit spot.
       const double sets = view_->confocal ? view_->transport->scene.sensor.zone_count() : 1.0;
       return pair_count(m) / sets > share * kMaxPairs;
     }
     const double patches = sampling.lit.size() + sampling.seen.size();
     return kernel_ == Kernel::retro_single && patches * sampling.object_nodes > share * kMaxLegs;
   }
-  /// Whether pairs see an even relay as even. Seen patches that are small against the lit ones see
-  /// ripples of a row of patches of edge w: what is left of them (lobe_pairs.h) is 2 (1 - pi^4 /
-  /// 180) exp(-2 pi^2 (sigma^2 / w^2 + 1 / 12)). Each seen patch and object point sees another
-  /// phase.
+  /// Whether pairs show an even relay as even. Seen patches that are small against the lit ones see
+  /// the ripples of a row of lit patches of edge w. The amplitude that remains (lobe_pairs.h) is 2
+  /// (1 - pi^4 / 180) exp(-2 pi^2 (sigma^2 / w^2 + 1 / 12)). Each seen patch and each object point
+  /// sees another phase, so the ripples of n of them fall by sqrt(n).
   bool resolves_lobe(const FastModel& m) const {
     if (kernel_ != Kernel::retro_pairs) return true;
     const double edge = m.sampling_step()->relay * kLobePatch;  // in units of the lobe
@@ -204,14 +214,16 @@ class SamplingSearch {
     return ripple < options_.tolerance * std::sqrt(std::max(seen * m.sampling().object_nodes, 1.0));
   }
 
-  /// Of the models that `make` makes of a coarseness, from this one on; `count` their cells, -1
-  /// where they are too coarse to be looked at.
+  /// The coarsest sampling from coarseness `from` on whose change is below `tolerance`. `make`
+  /// makes a model of a coarseness. `count` returns the number of its cells, or -1 if it is too
+  /// coarse to be tried. `most_time` is a share of the longest time.
   Choice coarsest(double from, double tolerance, double most_time,
                   const std::function<std::unique_ptr<FastModel>(double)>& make,
                   const std::function<int(const FastModel&)>& count) {
-    // Borders of surfaces and shadows converge slowly: below this, finer cells that gain next to
-    // nothing, less than a fifth of the change, are not worth their time. By judgement: of smooth
-    // light, twice as many cells leave a quarter.
+    // Light at the borders of surfaces and shadows converges slowly. If the change is below
+    // kStagnates and finer cells have lowered it by less than a fifth, still finer cells are not
+    // worth their time. By judgement: for smooth light, twice as many cells leave a quarter of the
+    // change.
     constexpr double kStagnates = 0.05;
     constexpr double kGainsNothing = 0.8;
     struct Candidate {
@@ -274,17 +286,17 @@ class SamplingSearch {
   FastModelOptions options_;
   bool lobe_pairs_;
   Kernel kernel_ = Kernel::lambertian;
-  double near_share_ = 1;  ///< of all pairs of patches: those within a lobe's reach
+  double near_share_ = 1;  ///< share of all pairs of patches that lie within a lobe's reach
   double unresolved_ = 0;  ///< change of a bin where the search gave up
   double worst_change_ = 0;
 };
 
 }  // namespace
 
-/// A sampling for the plan's kernel, and pairs instead of the single sum where that leaves out too
-/// much: looks first at a coarse sampling of pairs, and where the change may be more than the
-/// tolerance at one that meets it. Where coarse samplings of both differ by more than kSurelyPairs,
-/// no finer single sum is looked for.
+/// Finds a sampling for the view's kernel, and takes pairs instead of the single sum if the sum
+/// leaves out too much. It compares the sum with a coarse sampling of pairs first. If the change is
+/// more than `pairs_from`, it compares the sum with pairs that meet the tolerance. If coarse
+/// samplings of both differ by more than kSurelyPairs, no finer single sum is tried.
 FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
                             const FastModelOptions& options, double pairs_from) {
   SamplingSearch single(view, options, false);
@@ -309,8 +321,9 @@ FoundSampling find_sampling(const std::shared_ptr<const SensorView>& view,
   double change = largest_change(summed, pairs.probe(*pairs.model({4, kCoarsest})));
   if (change > pairs_from) {
     const SamplingStep with_pairs = pairs.find();
-    // Of two errors that have nothing to do with each other, the sum's. What a search gave up on is
-    // the change of a sampling with at most half of the cells that it took.
+    // The errors of the sum and of the pairs are independent: without the pairs' own error, the
+    // sum's error is left. A change that the search gave up on is that of a sampling with at most
+    // half as many cells as the one that it took.
     const double own = std::max(pairs.worst_change(), 0.5 * pairs.unresolved());
     const double both = largest_change(summed, pairs.probe(*pairs.model(with_pairs)));
     change = std::sqrt(std::max(both * both - own * own, 0.0));

@@ -24,8 +24,8 @@ std::vector<Transform> transforms(const Scene& scene, const std::vector<Placemen
 
 /// Poses all over the given ranges of the unknowns.
 std::vector<PoseVector> halton_poses(const std::vector<Unknown>& unknowns) {
-  // By judgement: the time of a search for a sampling goes with their number. One base an unknown,
-  // the smallest primes (Halton).
+  // By judgement: the time of a search for a sampling is proportional to the number of poses. Each
+  // unknown has its own base, from the smallest primes (Halton).
   constexpr int kPoses = 8;
   constexpr std::array<int, 6> kPrimes{2, 3, 5, 7, 11, 13};
   std::vector<PoseVector> poses;
@@ -44,8 +44,8 @@ std::vector<PoseVector> halton_poses(const std::vector<Unknown>& unknowns) {
   return poses;
 }
 
-/// Poses that a sampling is judged by: all over the search region, and near the relay as well where
-/// that is a small part of it: light and its detail are there.
+/// Poses that a sampling is judged by: all over the search region and, if the part near the relay
+/// is smaller, also in this part, because light and its detail are there.
 std::vector<PoseVector> poses_to_judge_by(const Scene& scene) {
   std::vector<PoseVector> poses = halton_poses(scene.unknowns);
   if (const auto near = ranges_near_relay(scene)) {
@@ -54,9 +54,10 @@ std::vector<PoseVector> poses_to_judge_by(const Scene& scene) {
   return poses;
 }
 
-/// Largest standard deviation of a pulse's path, in those of the sensor's own pulse. Points of a
-/// rule have none, sampling keeps that of a group of patches below two; a lobe on a grazing relay
-/// spreads paths of its own, by judgement up to six: what is wider is taken as that.
+/// Largest standard deviation of a pulse's path, in standard deviations of the sensor's own pulse.
+/// Points of a rule have none. Sampling keeps that of a group of patches below two. A lobe on a
+/// grazing relay spreads paths by itself, by judgement up to six; wider pulses are taken as that
+/// wide.
 double widest_blur(Kernel kernel) {
   switch (kernel) {
     case Kernel::lambertian:
@@ -107,7 +108,7 @@ std::shared_ptr<const PulseTable> SceneTransport::pulses(double extra, Kernel ke
 
 std::shared_ptr<const PathGrid> SceneTransport::grid(PathGrid::Paths paths, double extra,
                                                      double way_back, double tolerance) const {
-  // Whole metres, which many poses share.
+  // Whole metres, so that many poses share a grid.
   const double most_back = std::ceil(way_back);
   return grids_.get({paths, extra, most_back, tolerance}, [&] {
     return std::make_shared<PathGrid>(scene.sensor, paths, extra, unwrapped_bins(scene.sensor),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What the fast models of one scene share, wherever the sensor stands.
+/// Data that the fast models of one scene share, wherever the sensor stands.
 #pragma once
 
 #include <Eigen/Core>
@@ -35,12 +35,13 @@ class MadeOnce {
   std::vector<std::pair<Key, std::shared_ptr<const Value>>> made_;
 };
 
-/// The tables are those of the options asked for so far, none of which is a sensor pose: their
-/// number is that of the extra pulse widths and tolerances in use.
+/// Holds the tables for all options that were asked for so far. No option is a sensor pose, so
+/// there are few tables: as many as extra pulse widths, tolerances and whole metres of `way_back`
+/// are in use.
 class SceneTransport {
  public:
   explicit SceneTransport(const Scene& all);
-  /// Of a scene with one object, whatever its shape.
+  /// For a scene with one object, whatever its shape.
   SceneTransport(const Scene& one, std::shared_ptr<const SurfaceRays> surface_rays);
 
   const Scene scene;
@@ -50,13 +51,14 @@ class SceneTransport {
   const std::vector<Transform> T_world_probes;
   /// Poses at which errors are estimated: a low-discrepancy sequence in the search region.
   const std::vector<PoseVector> probe_poses;
-  /// Of several hidden objects, or one that is not convex: each by itself. Else empty.
+  /// Each object by itself, if there are several hidden objects or one that is not convex. Else
+  /// empty.
   std::vector<std::shared_ptr<const SceneTransport>> objects;
 
   /// Pulses that are blurred by an extra Gaussian of variance `extra`, s^2, and by as much as the
   /// kernel asks for.
   std::shared_ptr<const PulseTable> pulses(double extra, Kernel kernel) const;
-  /// Paths' grid of a Lambertian object; legs as short as -`way_back` m.
+  /// Grid of paths for a Lambertian object. Legs may be as short as -`way_back` m.
   std::shared_ptr<const PathGrid> grid(PathGrid::Paths paths, double extra, double way_back,
                                        double tolerance) const;
   /// The known scene's own light.

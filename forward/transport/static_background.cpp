@@ -109,8 +109,8 @@ constexpr double kShadowDensity = 0.5;
 /// finer sampling has the error e, the coarser one has e sqrt(`legs`), where `legs` is the ratio of
 /// the numbers of legs. Measured against a sampling three times as dense, on seven random scenes
 /// and the reference floor, the error is 0.5 to 1.6 times this estimate; where shadows' edges
-/// decide, errors fall less. With the power 2/3, the middle of these, a bright wall claims too much
-/// (stability row photons_1e7: 288 of 30 allowed).
+/// decide, errors fall less. With the power 2/3 of the legs, the middle of these measurements, the
+/// covariance of a bright wall becomes too small (stability row photons_1e7: 288 of 30 allowed).
 double of_difference(double legs) {
   constexpr double kLeast = 0.3;  // by judgement: hardly any more legs tell nothing
   return 1 / std::max(std::sqrt(legs) - 1, kLeast);
@@ -685,8 +685,9 @@ void KnownBounces::add_three(const Ends& ends, const std::vector<const Element*>
       const double half2 =
           std::max(run.square / run.weight - length * length, 0.0) * 3 + run.half2 / run.weight;
       const double width = std::max(2 * axis.cells_per_metre * std::sqrt(half2), 1.0);
-      // The light is delayed by the way out and spread evenly. A sum's ends are deposited, half a
-      // cell early as above.
+      // The light is delayed by the way out and spread evenly. Only both ends of the spread are
+      // added, because the row is summed at the end; as in Axis::spread(), the sum puts them half a
+      // cell early.
       const double at =
           length * axis.cells_per_metre + 0.5 + static_cast<double>(light.first) - kMargin;
       const double weight = middle.scattered * run.weight / width;

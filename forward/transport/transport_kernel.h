@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// How light is carried by way of a hidden object: one type for each way, behind one interface.
+/// How light travels by way of a hidden object: one kernel for each kind of sum, behind one
+/// interface.
 #pragma once
 
 #include <functional>
@@ -24,28 +25,28 @@ struct ObjectInPlace {
 
 /// What a kernel is made of.
 struct KernelInputs {
-  const SensorView& view;  ///< for as long as the kernel is made
+  const SensorView& view;  ///< needed only while the kernel is made
   std::shared_ptr<const Sampling> sampling;
   double tolerance;
   double extra_variance;  ///< s^2, of the extra Gaussian pulse
-  bool whole_axis;        ///< looks at times that no light can reach, too
+  bool whole_axis;        ///< also looks at times that no light can reach
 };
 
-/// Adds the object's light to the rows of a time axis before it wraps, [zone][bin] at s.rows.
+/// Adds the object's light to the rows of the time axis before it wraps: s.rows, [zone][bin].
 /// Thread safe.
 class TransportKernel {
  public:
   virtual ~TransportKernel() = default;
   virtual void render(const ObjectInPlace& object, Scratch& s) const = 0;
-  /// Continues the reason why the plan's sum is what it is.
+  /// Details of the sum, appended to the plan's reason for it.
   virtual std::string detail() const { return {}; }
 };
 
 /// A Lambertian object: light arriving and light leaving are two sums, which are convolved.
 std::unique_ptr<TransportKernel> make_lambertian_kernel(const KernelInputs& inputs);
-/// Any BRDF, a Lambertian object's as well: a pulse for each pair of a way in and a way out.
+/// Any BRDF, also a Lambertian one: a pulse for each pair of a way in and a way out.
 std::unique_ptr<TransportKernel> make_brdf_kernel(const KernelInputs& inputs);
-/// A narrow lobe: light comes back from about where it fell.
+/// A narrow lobe: light leaves to about the relay point that it came from.
 std::unique_ptr<TransportKernel> make_retro_single_kernel(const KernelInputs& inputs);
 /// Any lobe: pairs of a lit and a seen patch within the lobe's reach.
 std::unique_ptr<TransportKernel> make_retro_pairs_kernel(const KernelInputs& inputs);
@@ -54,12 +55,12 @@ std::unique_ptr<TransportKernel> make_retro_pairs_kernel(const KernelInputs& inp
 bool faces_relay(const Sampling& sampling, const Eigen::Vector3d& center,
                  const Eigen::Vector3d& normal);
 
-/// Calls `visit` with each point of the object in place that may face the relay, and with what
-/// hides the relay from it; null: nothing.
+/// Calls `visit` with each point of the placed object that may face the relay, and with the shadows
+/// that hide parts of the relay from this point (null: none).
 void visit_points(const Sampling& sampling, const ObjectInPlace& object,
                   const std::function<void(const SurfacePoint&, const ShadowView*)>& visit);
 
-/// For reasons.
+/// The value with two significant digits, for reasons of the plan.
 std::string two_digits(double value);
 
 }  // namespace blindcorner

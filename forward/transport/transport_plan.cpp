@@ -15,17 +15,18 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Above this ratio of lobe footprint to lit spot the single sum of a retroreflector is replaced by
-/// pairs. By judgement: below, what the sum leaves out at edges is found out by comparison with
-/// pairs (find_sampling), which costs time once.
+/// Above this ratio of the lobe's footprint to the lit spot, pairs replace the single sum of a
+/// retroreflector. By judgement: below it, a comparison with pairs (find_sampling) tells how much
+/// the sum leaves out at edges, which costs time once.
 constexpr double kSingleSumRatio = 0.05;
-/// Segments of the polyhedron that stands for a curved body. Any number gives the same light,
-/// because a polyhedron inside a convex body hides nothing from its surface.
+/// Segments of the polyhedron that stands for a curved body. For the light of the body itself, any
+/// number gives the same result: a polyhedron inside a convex body hides nothing from its surface.
 constexpr int kBodySegments = 12;
 
 /// Whether a plane separates the convex hulls of two sets of points by more than `margin` m.
 /// Gilbert's algorithm on the hulls' difference (SIAM J. Control 4, 1966): the nearest point to the
-/// origin found so far is a candidate normal. False when none was found, which proves nothing.
+/// origin found so far is a candidate for the plane's normal. False if no plane was found, which
+/// does not prove that there is none.
 bool separated(const std::vector<Vector3d>& a, const std::vector<Vector3d>& b, double margin) {
   constexpr int kSteps = 60;  // by judgement: an early end only keeps a face that hides nothing
   const auto farthest = [](const std::vector<Vector3d>& points, const Vector3d& along) {
@@ -44,8 +45,8 @@ bool separated(const std::vector<Vector3d>& a, const std::vector<Vector3d>& b, d
   return false;
 }
 
-/// Whether the face cannot stand between any two of the points: all of them lie on one side of its
-/// plane, or it lies beyond their hull.
+/// Whether the face cannot stand between any two of the points, because all points lie on one side
+/// of its plane or because it lies outside of their hull.
 bool cannot_block(const OccluderFace& face, const std::vector<Vector3d>& points, double margin) {
   const auto& c = face.corners;
   const Vector3d normal = face_normal(c);
@@ -110,7 +111,7 @@ void decide_kernel(TransportPlan& plan, const Scene& scene, double ratio,
   plan.decide(pairs);
 }
 
-/// Which of the faces can stand between any two of the points.
+/// Those of the faces that can stand between two of the points.
 std::vector<OccluderFace> faces_among(const std::vector<OccluderFace>& faces,
                                       const std::vector<Vector3d>& points) {
   double extent = 0;
@@ -163,8 +164,9 @@ std::vector<Vector3d> search_region_corners(const Scene& scene, int index) {
 }
 
 std::optional<std::vector<Unknown>> ranges_near_relay(const Scene& scene) {
-  // Half edges of the part, in the region's distances from the relay. By judgement: light falls
-  // with the fourth power, at that distance to the side to a 25th.
+  // Half edge of the part near the relay, in units of the region's distance from the relay. By
+  // judgement: light falls with the fourth power of the distance, which leaves a 25th at two
+  // distances to the side.
   constexpr double kNear = 2;
   std::vector<Unknown> near = scene.unknowns;
   bool smaller = false;
@@ -207,7 +209,7 @@ bool in_search_region(const Scene& scene, const Placement& placement, int object
   for (const Unknown& unknown : scene.unknowns) {
     if (unknown.object != object) continue;
     const double value = placement.get(unknown.component);
-    if (unknown.component == Component::yaw) continue;  // turns a body inside its own ball
+    if (unknown.component == Component::yaw) continue;  // a body that turns stays in its own ball
     const double slack = 1e-9 * unknown.range();
     if (!(value >= unknown.lower - slack && value <= unknown.upper + slack)) return false;
   }

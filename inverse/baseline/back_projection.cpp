@@ -17,7 +17,8 @@ namespace {
 /// Change of the log likelihood along an axis below which the axis is left open: what a Gaussian
 /// falls by within one standard deviation.
 constexpr double kTells = 0.5;
-/// Most moves from voxel to voxel at one distance of voxels: across the first grid, of as many.
+/// Most moves from voxel to voxel at one distance of voxels: enough to cross the first grid, which
+/// has 20 voxels along each of three axes.
 constexpr int kMaxMoves = 20;
 /// Rounds of parabolas, each at half the step of the one before: the last step is an eighth of the
 /// climb's, a 16th of the pulse or less.
@@ -32,8 +33,9 @@ class Score {
         signals_(std::move(signals)),
         each_zone_(shared.scene().linear.amplitude == LinearMode::per_zone) {}
 
-  /// Gain in log likelihood of a point that scatters at this pose over none. `blur` (m, standard
-  /// deviation of the path) widens the pulses, so that no voxel of a coarse grid is passed by.
+  /// Gain in log likelihood when a point scatters at this pose, against no such point. `blur` (m,
+  /// standard deviation of the path) widens the pulses, so that the voxels of a coarse grid do not
+  /// miss any light.
   double operator()(const PoseVector& pose, double blur = 0) const {
     const Scene& scene = shared_.scene();
     paths_.pulses(scattering_point(scene, pose), true, pulses_);
@@ -72,7 +74,8 @@ void set(PoseVector& pose, const PositionGrid& grid, const std::vector<double>& 
   }
 }
 
-/// Best score for each value of an axis, whatever the others.
+/// Change of the score along an axis: for each value of the axis, the best score over the other
+/// axes counts.
 double change_along(const PositionGrid& grid, const std::vector<double>& scores, std::size_t axis) {
   std::size_t stride = 1;
   for (std::size_t a = 0; a < axis; ++a) stride *= static_cast<std::size_t>(grid.counts[a]);
@@ -86,7 +89,7 @@ double change_along(const PositionGrid& grid, const std::vector<double>& scores,
   return high - low;
 }
 
-/// Climbs from neighbour to neighbour of the pose at a distance of one step along each axis.
+/// Climbs to the best neighbour of the pose, one step away along each axis, until none is better.
 void climb(const Scene& scene, const Score& score, const std::vector<std::size_t>& axes,
            const std::vector<double>& steps, double blur, PoseVector& pose) {
   int neighbours = 1;
@@ -109,8 +112,9 @@ void climb(const Scene& scene, const Score& score, const std::vector<std::size_t
   }
 }
 
-/// Moves the pose to the top of the paraboloid through its score and those of its neighbours a step
-/// aside along each axis and each diagonal; stays where there is no top, or none that is higher.
+/// Moves the pose to the top of the paraboloid through its score and the scores of its neighbours,
+/// one step away along each axis and each diagonal. The pose stays if there is no top or the score
+/// there is not higher.
 void refine(const Scene& scene, const Score& score, const std::vector<std::size_t>& axes,
             const std::vector<double>& steps, PoseVector& pose) {
   const auto n = static_cast<Eigen::Index>(axes.size());
@@ -163,8 +167,8 @@ struct BackProjection::Impl {
   PositionGrid grid;
   double spacing;  ///< m, of the finest voxels
 
-  /// Width (m) that a pulse needs to be seen from the voxels of a grid: a move by one step changes
-  /// a path by up to twice that, evenly.
+  /// Width (m) that a pulse needs so that the voxels of a grid miss no light: a move by one step
+  /// changes a path by up to twice the step, uniformly.
   double blur(const std::vector<double>& steps) const {
     const double widest = *std::ranges::max_element(steps);
     return widest > spacing ? 2 * widest / std::sqrt(12.0) : 0.0;

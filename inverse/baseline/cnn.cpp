@@ -12,7 +12,7 @@
 namespace blindcorner {
 namespace {
 
-/// As captures are compared with scenes: a difference that moves the last of 128 bins by about one.
+/// The tolerance between captures and scenes: it moves the last of 128 bins by about one bin.
 constexpr double kBinWidthTolerance = 0.01;
 
 }  // namespace

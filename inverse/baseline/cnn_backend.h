@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What the baseline asks of the library that computes the network. Its implementation is a shared
-/// library of its own, loaded at the first use: libtorch takes most of a second to load, which a
-/// program that does not train or ask a network should not spend.
+/// Interface to the library that computes the network. The implementation is a shared library of
+/// its own, loaded at the first use: libtorch takes most of a second to load, and a program that
+/// does not use a network should not spend that time.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace blindcorner {
 
-/// Networks of the ensemble: as many as of Lakshminarayanan et al. (2017).
+/// Number of networks of the ensemble, as in Lakshminarayanan et al. (2017).
 inline constexpr int kWideMembers = 5;
 
 struct CnnShape {
@@ -34,7 +34,7 @@ struct CnnData {
 class CnnNetwork {
  public:
   virtual ~CnnNetwork() = default;
-  /// Outputs [captures][outputs]; of the ensemble [members][captures][2][outputs], means and
+  /// Outputs [captures][outputs]. For the ensemble [members][captures][2][outputs], means and
   /// logarithms of variances.
   virtual std::vector<float> evaluate(const CnnData& data) const = 0;
   /// Contents of a file of these weights.
@@ -45,13 +45,14 @@ class CnnNetwork {
 class CnnTrainer {
  public:
   virtual ~CnnTrainer() = default;
-  /// Runs epoch `number`, whose random numbers depend on it and the seed only.
+  /// Runs epoch `number`. Its random numbers depend only on `number` and the seed.
   virtual CnnEpoch run_epoch(int number) = 0;
   /// Keeps the present weights as the best so far.
   virtual void remember() = 0;
-  /// Contents of a file of the present weights, or of those remembered.
+  /// Contents of a file of the present weights, or of the remembered ones.
   virtual std::string weights(const std::string& metadata, bool remembered) const = 0;
-  /// Contents of a file that holds this training: weights, those remembered, the optimiser's state.
+  /// Contents of a file that holds this training: present weights, remembered weights, the
+  /// optimiser's state.
   virtual std::string checkpoint(const std::string& metadata) const = 0;
 };
 
@@ -76,9 +77,9 @@ class CnnBackend {
 using CnnBackendFunction = const CnnBackend* (*)();
 inline constexpr const char* kCnnBackendFunction = "blindcorner_cnn_backend";
 
-/// Null where it cannot be loaded.
+/// The backend; null if it cannot be loaded.
 const CnnBackend* find_cnn_backend();
-/// Throws Error that says how to get it.
+/// The backend. Throws Error that says how to get it.
 const CnnBackend& cnn_backend();
 
 }  // namespace blindcorner

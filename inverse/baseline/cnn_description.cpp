@@ -22,8 +22,8 @@ constexpr double kPicosecond = 1e-12;
 /// Two convolutions of three bins each need five bins to leave one; two of five bins in steps of
 /// two need thirteen.
 int fewest_bins(CnnArchitecture network) { return network == CnnArchitecture::wide ? 13 : 5; }
-/// Angles whose range is within this share of a whole turn have no ends: scene files state degrees
-/// or radians with a few digits.
+/// Angles whose range is at least this share of a whole turn have no ends: scene files state
+/// degrees or radians with a few digits.
 constexpr double kWholeTurn = 0.999;
 
 /// x (m), y (m) and yaw (rad) of a sensor.
@@ -43,7 +43,8 @@ std::string place_of(const Capture& capture) {
   return capture.source + " capture " + std::to_string(capture.index);
 }
 
-/// Mean about the first pose, so that a yaw near half a turn does not tear.
+/// Describes the sensor's poses. The mean is taken about the first pose, so that yaws on both sides
+/// of half a turn have the right mean.
 void describe_sensor_poses(const Scene& scene, std::span<const Capture> captures,
                            CnnDescription& description) {
   std::vector<Eigen::Vector3d> poses;
@@ -60,8 +61,8 @@ void describe_sensor_poses(const Scene& scene, std::span<const Capture> captures
     squares += planar_difference(pose, description.sensor_center).cwiseAbs2() / count;
   }
   for (int i = 0; i < 3; ++i) {
-    // What never changes tells nothing, and must not be blown up when it does: a micrometre is
-    // above rounding and below any move.
+    // A value that never changes in training tells nothing, and must not be blown up if it changes
+    // later. A micrometre is above rounding and below any move.
     constexpr double kConstant = 1e-6;  // m or rad
     const double deviation = std::sqrt(squares[i]);
     description.sensor_scale[i] = deviation > kConstant ? deviation : 1.0;
@@ -94,7 +95,7 @@ Json unknown_json(const CnnUnknown& unknown) {
   return json;
 }
 
-/// A whole number from `lower` to `upper`; the library would take text of other numbers as well.
+/// A whole number from `lower` to `upper`. The library itself would accept other numbers as well.
 template <typename Integer>
 Integer parse_whole(const Json& object, const std::string& field, Integer lower, Integer upper,
                     const std::string& where) {
@@ -204,8 +205,8 @@ CnnDescription describe_cnn(const Scene& scene, std::span<const Capture> capture
                                                           std::to_string(fewest));
   }
   d.bin_width = scene.sensor.bin_width;
-  // Values of mean one. Left at a sum of one they are so small that the normalisation's own epsilon
-  // (1e-5) outweighs the variance of the first convolution.
+  // The scaled values have a mean of one. With a sum of one they would be so small that the
+  // normalisation's own epsilon (1e-5) outweighs the variance of the first convolution.
   d.input_scale = static_cast<double>(d.zones) * d.bins;
   d.input_bound = options.input_bound;
   describe_sensor_poses(scene, captures, d);
@@ -315,7 +316,8 @@ void standardise_inputs(std::span<const Capture* const> captures, CnnDescription
       square[i] += value * value / count;
     }
   }
-  // Of the mean: a bin that never changes, as of a dead zone. Above 1e-8, the rounding of squares.
+  // A bin whose deviation is below this share of its mean never changes, as in a dead zone. The
+  // share is above the rounding of squares, 1e-8.
   constexpr double kConstant = 1e-7;
   for (std::size_t i = 0; i < size; ++i) {
     const double deviation = std::sqrt(std::max(0.0, square[i] - mean[i] * mean[i]));
@@ -353,7 +355,7 @@ Eigen::MatrixXd decode_covariance(const CnnDescription& d, const CnnStatement& s
       const double cosine = statement.mean[static_cast<std::size_t>(next)];
       const double sine = statement.mean[static_cast<std::size_t>(next + 1)];
       const double turn = u.period / (2 * kPi);
-      const double square = std::max(cosine * cosine + sine * sine, 1e-6);  // below, none is stated
+      const double square = std::max(cosine * cosine + sine * sine, 1e-6);  // shorter: no angle
       slope(i, next++) = -turn * sine / square;
       slope(i, next++) = turn * cosine / square;
     } else {
@@ -361,7 +363,8 @@ Eigen::MatrixXd decode_covariance(const CnnDescription& d, const CnnStatement& s
     }
   }
   Eigen::MatrixXd covariance = slope * statement.covariance * slope.transpose();
-  // No unknown is less certain than anywhere in its range: a short pair of cosine and sine.
+  // No unknown is less certain than a uniform distribution over its range. A short pair of cosine
+  // and sine would make it so.
   for (Eigen::Index i = 0; i < count; ++i) {
     const CnnUnknown& u = d.unknowns[static_cast<std::size_t>(i)];
     const double most = (u.upper - u.lower) * (u.upper - u.lower) / 12;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// From captures and poses to the numbers that the network takes and puts out, and back.
+/// Converts captures and poses to the numbers that the network takes and gives, and back.
 #pragma once
 
 #include <span>
@@ -9,36 +9,38 @@
 
 namespace blindcorner {
 
-/// "blindcorner.cnn/2": rises when the network or the meaning of its numbers changes.
+/// Format of a file of weights. The number rises when the network or the meaning of its numbers
+/// changes.
 inline constexpr const char* kCnnFormat = "blindcorner.cnn/2";
 
-/// What a network for these captures takes and puts out. The sensor's poses are normalised by their
-/// mean and standard deviation.
+/// Description of what a network for these captures takes and gives. The sensor's poses are
+/// normalised by their mean and standard deviation.
 CnnDescription describe_cnn(const Scene& scene, std::span<const Capture> captures,
                             const CnnTrainingOptions& options);
 
 /// Sets mean and standard deviation of each bin from the captures that will be learnt.
 void standardise_inputs(std::span<const Capture* const> captures, CnnDescription& description);
 
-/// The metadata of a file of weights, JSON, and back. `where` names the file in messages.
+/// A description as the metadata of a file of weights, JSON, and back. `where` names the file in
+/// messages.
 std::string description_text(const CnnDescription& description);
 CnnDescription parse_description(const std::string& text, const std::string& where);
 
 CnnShape shape_of(const CnnDescription& description);
 
-/// Adds one capture to what the network takes. Throws Error as CnnBaseline::predict does.
+/// Adds one capture to the network's input. Throws Error as CnnBaseline::predict does.
 void add_capture(const CnnDescription& description, const Capture& capture,
                  const Transform& T_world_sensor, CnnData& data);
 
 /// What the outputs for one capture say.
 struct CnnStatement {
   std::vector<float> mean;     ///< [outputs]
-  Eigen::MatrixXd covariance;  ///< [outputs, outputs]; 0 x 0 of the published network
+  Eigen::MatrixXd covariance;  ///< [outputs, outputs]; 0 x 0 for the published network
 };
-/// `values` of CnnNetwork::evaluate for one capture: the moments of the members' mixture.
+/// Moments of the members' mixture, from the `values` of CnnNetwork::evaluate for one capture.
 CnnStatement statement_of(const CnnDescription& description, const std::vector<float>& values);
 
-/// The covariance of the outputs as one of the pose.
+/// Covariance of the pose that follows from that of the outputs.
 Eigen::MatrixXd decode_covariance(const CnnDescription& description, const CnnStatement& statement);
 
 /// A pose as the network's outputs [outputs], and back, into the ranges of the unknowns.

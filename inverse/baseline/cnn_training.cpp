@@ -37,7 +37,7 @@ PoseVector truth_of(const Scene& scene, const Capture& capture) {
   return pose;
 }
 
-/// Captures in the order in which they are learnt: those that are held back last.
+/// Captures in the order in which they are learnt; the captures that are held back come last.
 struct PreparedCaptures {
   CnnDescription description;
   CnnData data;
@@ -75,7 +75,7 @@ PreparedCaptures prepare(const Scene& scene, std::span<const Capture> captures,
   return prepared;
 }
 
-/// FNV-1a over all that is learnt: a checkpoint of other captures must not go on with these.
+/// FNV-1a over all that is learnt: a training must not go on from a checkpoint of other captures.
 std::uint64_t hash_of(const CnnData& data) {
   std::uint64_t hash = 14695981039346656037ull;
   for (const auto* values : {&data.histograms, &data.sensors, &data.targets}) {
@@ -86,7 +86,8 @@ std::uint64_t hash_of(const CnnData& data) {
   return hash;
 }
 
-/// What must be equal for a training to go on; not the number of epochs, which may grow.
+/// What must be equal for a training to go on. The number of epochs is not part of it, as it may
+/// grow.
 Json study_of(const PreparedCaptures& prepared, const CnnTrainingOptions& options) {
   return {{"network", cnn_architecture_name(options.network)},
           {"captures", hash_of(prepared.data)},
@@ -161,8 +162,9 @@ bool stops_early(const TrainingState& state, const CnnTrainingOptions& options) 
   return options.early_stopping > 0 && state.epochs() - state.best_epoch >= options.early_stopping;
 }
 
-/// Steps too long for the data drive the weights out of all bounds: a file that nobody can read
-/// must not come of hours of training. Throws Error, unless good weights are remembered.
+/// Throws Error if the loss is no number, unless good weights are remembered. Steps too long for
+/// the data drive the weights out of all bounds, and hours of training must not end in a file that
+/// nobody can read.
 void check_loss(const TrainingState& state, const CnnTrainingOptions& options) {
   if (std::isfinite(state.history.back().training)) return;
   if (options.early_stopping > 0 && state.best_epoch > 0) return;
@@ -179,8 +181,8 @@ CnnTrainingOptions CnnTrainingOptions::of(CnnArchitecture network) {
   CnnTrainingOptions options;
   if (network == CnnArchitecture::published) return options;
   options.network = network;
-  // By judgement: ten times the captures in four times the batch, and an end where they learn no
-  // more, on tmf8828_wall after 32 epochs.
+  // By judgement: ten times the captures need four times the batch, and training ends when nothing
+  // more is learnt, which is after 32 epochs on tmf8828_wall.
   options.epochs = 60;
   options.batch = 64;
   options.early_stopping = 10;

@@ -12,7 +12,7 @@
 namespace blindcorner {
 namespace {
 
-/// Starts that are listed to find the best one: the first is it.
+/// Number of starts that score() lists: the first one is the best pose of the grid.
 constexpr int kBestOfGrid = 1;
 
 }  // namespace

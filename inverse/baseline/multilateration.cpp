@@ -19,8 +19,8 @@
 namespace blindcorner {
 namespace {
 
-/// Steps in which a time axis is searched, bins; a parabola goes on from there. A pulse is a bin
-/// wide or wider, so that it is no farther away than an eighth of it.
+/// Steps in which a time axis is searched, bins; a parabola goes on from the best one. A pulse is a
+/// bin wide or wider, so that the best step is at most an eighth of a pulse away from its peak.
 constexpr double kPeakStep = 0.25;
 /// Error of a peak's place beside photon noise, bins: paths spread over spot and object. By
 /// judgement; it bounds the weight of bright zones.
@@ -28,7 +28,7 @@ constexpr double kPeakError = 0.25;
 /// Residuals beyond this many standard deviations lose influence: one in twenty of normal ones.
 constexpr double kRobustFrom = 2;
 
-/// What a zone's peak says.
+/// Path length of a zone's peak.
 struct PathLength {
   int zone = 0;
   double path = 0;   ///< m
@@ -66,7 +66,8 @@ std::optional<PathLength> strongest_peak(const SignalScene& shared, int zone,
   return PathLength{zone, kSpeedOfLight * time, sigma};
 }
 
-/// Difference of a path length by way of the point from the measured one, over its deviation.
+/// Difference of the path length by way of the point from the measured one, in standard deviations
+/// of the latter.
 struct PathResidual {
   const Scene& scene;
   const RelayPaths& paths;
@@ -81,11 +82,11 @@ struct PathResidual {
     }
     const PointPulse pulse = paths.pulse(measured.zone, scattering_point(scene, pose));
     *residual = (pulse.path - measured.path) / measured.sigma;
-    return pulse.weight > 0;  // else behind what the zone sees
+    return pulse.weight > 0;  // else the point is behind what the zone sees
   }
 };
 
-/// What the prior says of one unknown.
+/// Difference of one unknown from its prior's mean, in the prior's standard deviations.
 struct PriorResidual {
   std::size_t place;
   double mean, sigma;
@@ -96,7 +97,7 @@ struct PriorResidual {
   }
 };
 
-/// The least robust sum of squares from one start, and where it is.
+/// The least value of the robust sum of squares from one start, and the point that has it.
 struct Solution {
   double cost = std::numeric_limits<double>::infinity();
   std::vector<double> point;
@@ -110,7 +111,7 @@ ceres::CostFunction* numeric_cost(Residual residual, std::size_t parameters) {
   return cost;
 }
 
-/// The point with the least sum of squares that is found from one start.
+/// The point with the least robust sum of squares that is found from one start.
 Solution solve_from(const Scene& scene, const RelayPaths& paths, const PositionGrid& grid,
                     const std::vector<PathLength>& measured, const PoseVector& middle,
                     std::vector<double> start) {

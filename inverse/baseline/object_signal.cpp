@@ -18,16 +18,16 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Sampling of the model that gives the static background, which does not depend on it: any will
-/// do, and none has to be searched for.
+/// Sampling of the model that gives the static background. The background does not depend on it, so
+/// that no sampling has to be searched for.
 constexpr SamplingStep kAnySampling{2, 2, false};
-/// Steps along the longest range in which the search region is probed for its time gate, and most
-/// probes: (5 + 1)^3. By judgement: both ends are among them, where light is earliest and latest
-/// but for curvature.
+/// Steps along the longest range when the search region is probed for its time gate, and most
+/// probes: (5 + 1)^3. By judgement: both ends of the ranges are among the probes, where light is
+/// earliest and latest except for curvature.
 constexpr int kProbeSteps = 5;
 constexpr int kMaxProbes = 216;
-/// Standard deviations of a path that belong to the time gate: 95 % of a normal one, and all of one
-/// that is even (root of 3).
+/// Standard deviations of a path that belong to the time gate: they hold 95 % of a normal
+/// distribution and all of a uniform one (root of 3).
 constexpr double kGateDeviations = 2;
 /// Share of the pulse's energy that may lie before or behind the gate, by judgement: it is fitted
 /// as background.
@@ -38,13 +38,14 @@ constexpr int kFewestBins = 6;
 
 double square(double x) { return x * x; }
 
-/// Path spreads of a lit spot of diameter D: twice (in and out) two legs, each even over D.
+/// Largest variance of arrival times, s^2: that of the ways in and out by a lit spot of diameter D,
+/// each way with two legs that are uniform over D, and that of the pulse's core.
 double most_blur(const Scene& scene) {
   const double extent = RelaySetup(scene, sensor_placement(scene)).lit_extent();
   return 2 * square(2 * extent / kSpeedOfLight) / 12 + square(scene.sensor.response.core_sigma());
 }
 
-/// Bins that light between two arrival times may reach; true for those.
+/// [bins] Whether light between the signal's earliest and latest arrival may reach a bin.
 std::vector<bool> reached_bins(const Sensor& sensor, int zone, const ZoneSignal& signal) {
   std::vector<bool> reached(static_cast<std::size_t>(sensor.bins), false);
   const auto [before, behind] = sensor.response.support(kGateTail, signal.blur);
@@ -63,7 +64,7 @@ struct KnownLight {
   double direct = 1, ambient = 0;
 };
 
-/// Weighted least squares of what is free of the two over the given bins.
+/// Weighted least squares, over the given bins, of those of the two that are free.
 KnownLight fit_known_light(const LinearUnknowns& linear, const std::vector<double>& counts,
                            const std::vector<double>& weight, const double* known,
                            const std::vector<int>& bins, double least_ambient) {
@@ -235,7 +236,7 @@ void SignalScene::take_off_known_light(const Capture& capture, const HistogramCu
   const std::vector<bool> reached = reached_bins(sensor, zone, signal);
   for (int k = first; k < sensor.valid_end(zone); ++k) {
     const auto i = static_cast<std::size_t>(k);
-    // No count is no proof of darkness: one photon in all exposures might have been expected.
+    // A bin without a count need not be dark: one photon in all exposures might have been expected.
     const double expected = std::max(measured[k], 1 / exposures);
     const double own = std::max(0.0, error.values.empty() ? 0.0 : error.zone(zone)[k]);
     const double variance =
@@ -245,7 +246,7 @@ void SignalScene::take_off_known_light(const Capture& capture, const HistogramCu
     valid.push_back(k);
     if (!reached[i]) outside.push_back(k);
   }
-  // Photons are never negative; what a sensor has processed may be.
+  // Photon counts are never negative; counts that a sensor has processed may be.
   const double least_ambient =
       sensor.noise.counts_photons() ? 0.0 : -std::numeric_limits<double>::infinity();
   const bool enough = static_cast<int>(outside.size()) >= kFewestBins;

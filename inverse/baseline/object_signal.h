@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What a capture holds beside the static background: where the classical baselines look for the
-/// object.
+/// Light of a capture beside the static background: the classical baselines look for the object in
+/// it.
 #pragma once
 
 #include <memory>
@@ -14,11 +14,11 @@
 
 namespace blindcorner {
 
-/// One zone's counts less the static background, its time gate and how far the counts scatter.
+/// One zone's counts less the static background, its time gate, and the scatter of the counts.
 struct ZoneSignal {
   bool used = false;           ///< neither dead nor without exposures or light
-  double earliest = 0;         ///< bins, arrival of the shortest mean path from the region
-  double latest = 0;           ///< bins, of the longest
+  double earliest = 0;         ///< bins, earliest arrival of light from the search region
+  double latest = 0;           ///< bins, latest arrival
   double blur = 0;             ///< s^2, mean variance of the arrival times over the region
   std::vector<double> counts;  ///< [bins] per exposure; 0 in bins that do not count
   std::vector<double> weight;  ///< [bins] 1 / variance; 0 in bins that do not count
@@ -35,7 +35,8 @@ struct PositionGrid {
   std::vector<double> at(std::size_t index) const;
 };
 
-/// Grid of at most `most` points no closer than `spacing` m, both ends of each range included.
+/// Grid over the ranges, both ends included, with neighbours at most `spacing` m apart. The spacing
+/// grows until there are at most `most` points.
 PositionGrid position_grid(const Scene& scene, double spacing, int most);
 
 /// Middles of `count` equal parts of each range.
@@ -54,14 +55,14 @@ class SignalScene {
   const Scene& scene() const { return scene_; }
   double pulse_path() const { return pulse_path_; }  ///< m, standard deviation of pulse and bin
 
-  /// Signal of one capture [zones], the sensor's paths given. The time gate is what light of the
-  /// search region may reach. Elsewhere the direct return's scale, where it is free, and the
-  /// ambient light are fitted by weighted least squares; both are then taken off. Throws Error for
-  /// a capture that does not suit the scene.
+  /// Signal of one capture, [zones], at the sensor's `paths`. The time gate holds the bins that
+  /// light of the search region may reach. In the other bins, the scale of the static background
+  /// and the ambient light, where they are free, are fitted by weighted least squares. Both are
+  /// then subtracted. Throws Error for a capture that does not suit the scene.
   std::vector<ZoneSignal> extract(const Capture& capture, const RelayPaths& paths) const;
 
-  /// Adds the correlations of a pulse with a zone's signal: sum p s / var and sum p^2 / var,
-  /// p the pulse of unit light at `position` bins with extra variance `blur`, s^2.
+  /// Adds the correlations of a pulse p with a zone's signal s: sum p s / var and sum p^2 / var.
+  /// The pulse is that of unit light at `position` bins with extra variance `blur`, s^2.
   void correlate(int zone, const ZoneSignal& signal, double position, double blur,
                  double& signal_sum, double& pulse_sum) const;
 

@@ -9,8 +9,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Patches along each side of the field, and of a zone: means and variances of smooth path lengths
-/// need no more. Of an even side, n of them lack 1 / n^2 of the variance: 3 % of the field's.
+/// Patches along each side of the field and of a zone: means and variances of smooth path lengths
+/// need no more. Along an evenly lit side, n patches lack 1 / n^2 of the variance: 3 % for the
+/// field.
 constexpr int kFieldDivisions = 6;
 constexpr int kZoneDivisions = 2;
 
@@ -54,7 +55,7 @@ std::vector<RelayPaths::Patch> RelayPaths::patches_of(const std::vector<Weighted
   return patches;
 }
 
-/// What a zone sees of the lit relay; both outer legs in one.
+/// What a zone sees of the lit relay. The leg of each patch is the sum of both outer legs.
 std::vector<RelayPaths::Patch> RelayPaths::returning(int zone,
                                                      const RelaySampling& sampling) const {
   RelaySampling with_light = sampling;

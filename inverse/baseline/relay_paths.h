@@ -15,7 +15,7 @@ namespace blindcorner {
 /// Light of one zone by way of a hidden point that scatters alike in all directions.
 struct PointPulse {
   double path = 0;      ///< m, mean of the whole path: sensor, relay, point, relay, sensor
-  double variance = 0;  ///< m^2, of the path over what is lit and what the zone sees
+  double variance = 0;  ///< m^2, of the path over the lit and the seen patches
   double weight = 0;    ///< W/m^2 up to a factor that all zones share; 0: no light
 };
 
@@ -25,8 +25,8 @@ class RelayPaths {
   RelayPaths(const Scene& scene, const SensorPlacement& placement);
 
   /// Pulses [zones] by way of a point (m, world). With `shadows`, patches that known bodies hide
-  /// from the point give none, so that the pulses jump where a patch appears. Without, they are
-  /// smooth in the point. Points behind the relay get no light.
+  /// from the point give no light, so that the pulses jump where a patch appears. Without
+  /// `shadows`, the pulses are smooth in the point. Points behind the relay get no light.
   void pulses(const Eigen::Vector3d& point, bool shadows, std::vector<PointPulse>& out) const;
 
   /// One zone's pulse, without shadows.
@@ -46,18 +46,20 @@ class RelayPaths {
   std::vector<Patch> returning(int zone, const RelaySampling& sampling) const;
   PointPulse end(const std::vector<Patch>& patches, const Eigen::Vector3d& point,
                  bool shadows) const;
-  /// The way of the light that all zones share, to the point; none where each is lit by itself.
+  /// The part of the path up to the point, where all zones share it; none where each zone is lit by
+  /// itself.
   PointPulse shared_light(const Eigen::Vector3d& point, bool shadows) const;
-  /// There and back.
+  /// The whole path, there and back.
   PointPulse whole(std::size_t zone, const Eigen::Vector3d& point, bool shadows,
                    const PointPulse& shared) const;
 
   RelaySetup setup_;
-  /// Light comes back to where it fell (retroreflectors): each zone has one end, passed twice.
+  /// Whether light comes back to where it fell (retroreflectors): each zone then has one end, which
+  /// is passed twice.
   bool comes_back_;
   bool shadows_;                          ///< some body may cast one
   std::vector<std::vector<Patch>> lit_;   ///< [1], confocal [zones]; empty where light comes back
-  std::vector<std::vector<Patch>> seen_;  ///< [zones]; of dead ones empty
+  std::vector<std::vector<Patch>> seen_;  ///< [zones]; empty for dead zones
 };
 
 }  // namespace blindcorner

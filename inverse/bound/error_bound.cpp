@@ -21,18 +21,18 @@
 namespace blindcorner {
 namespace {
 
-/// Test poses that share less than this with the true one (squared Bhattacharyya coefficient) are
-/// left out: none adds more than about that share of its squared distance to the bound.
+/// Test poses whose squared Bhattacharyya coefficient with the true pose is below this are left
+/// out: none adds more than about that share of its squared distance to the bound.
 constexpr double kNegligible = 1e-6;
-/// Most poses whose mutual confusion is worked out; of more, this many are taken in proportion to
-/// their weights. By judgement: the time goes with the square of their number.
+/// Most poses whose mutual confusion is computed. Of more poses, this many are taken in proportion
+/// to their weights. By judgement: the time grows with the square of their number.
 constexpr std::size_t kMaxPoses = 128;
-/// Information below this share of the prior's is none: the error is then a million times the
-/// prior's.
+/// Least information, as a share of the prior's: less counts as none, and the error is then a
+/// million times the prior's.
 constexpr double kNoInformation = 1e-12;
 
-/// Points that fill the unit cube evenly: multiples of the powers of the inverse of g, the root of
-/// g^(n+1) = g + 1, modulo one (Roberts' extension of the golden ratio to n dimensions).
+/// Points [n, count] that fill the unit cube evenly: multiples of g^-1 to g^-n, modulo one, where g
+/// is the root of g^(n+1) = g + 1 (Roberts' extension of the golden ratio to n dimensions).
 Eigen::MatrixXd even_points(Eigen::Index n, Eigen::Index count) {
   // Each step at least halves the error, so that 60 end at rounding.
   double g = 1.5;
@@ -48,7 +48,7 @@ Eigen::MatrixXd even_points(Eigen::Index n, Eigen::Index count) {
   return points;
 }
 
-/// One observation without a count: its zones, bins and noise are what matters.
+/// An observation without a count: only its zones, bins and noise matter.
 Observation blank_observation(const CompiledScene& compiled, const BoundOptions& options,
                               const LinearSolution* expected) {
   const Sensor& sensor = compiled.scene.sensor;
@@ -60,8 +60,8 @@ Observation blank_observation(const CompiledScene& compiled, const BoundOptions&
   return observation;
 }
 
-/// Inverse of an information matrix in units of the prior's standard deviations; directions without
-/// information get a huge variance.
+/// Inverse of an information matrix. Directions that have no information, in units of the prior's
+/// standard deviations, get a huge variance.
 Eigen::MatrixXd covariance_of(const Eigen::MatrixXd& information, const Eigen::MatrixXd& prior) {
   const Eigen::VectorXd scale = prior.diagonal().cwiseSqrt();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scale.asDiagonal() * information *
@@ -71,12 +71,13 @@ Eigen::MatrixXd covariance_of(const Eigen::MatrixXd& information, const Eigen::M
          solver.eigenvectors().transpose() * scale.asDiagonal();
 }
 
-/// Of a standard normal variable, the point that kAlarm = 5 % lie above.
+/// Value that a standard normal variable exceeds with probability kAlarm = 5 %.
 constexpr double kAlarmDeviate = 1.645;
 
 double normal_share(double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); }
 
-/// As many of them as wanted in proportion to their weights, evenly spaced along the list.
+/// Indices of as many entries as wanted, in proportion to the weights and evenly spaced along the
+/// list. An index may come more than once.
 std::vector<std::size_t> in_proportion(const Eigen::VectorXd& weights, std::size_t wanted) {
   std::vector<std::size_t> chosen;
   const double step = weights.sum() / static_cast<double>(wanted);
@@ -123,7 +124,7 @@ struct ErrorBound::Impl {
   std::unique_ptr<MatchedFilter> filter;
   std::vector<int> zone_begin;  ///< [zones + 1] rows
   Eigen::MatrixXd prior, precision;
-  /// What the whole search region is asked for: looked at once, see look_around().
+  /// Results that need the whole search region, computed once by look_around().
   std::once_flag looked_around;
   double threshold = 0;  ///< gain in log likelihood that a fit calls a detection
   std::vector<PoseVector> test_poses;
@@ -135,7 +136,7 @@ struct ErrorBound::Impl {
   void look_around(const Advance& advance = {});
   void render_test_poses(const Advance& advance);
   Eigen::MatrixXd slope_at(const PoseVector& pose, const ShapeBuffer& light) const;
-  /// Linear unknowns when the object is so many times as bright as expected.
+  /// Linear unknowns when the object is `brightness` times as bright as expected.
   LinearSolution with_brightness(double brightness) const;
   Eigen::MatrixXd ambiguity_at(const PoseVector& pose, const ShapeBuffer& light,
                                const LinearSolution& linear) const;
@@ -232,8 +233,9 @@ LinearSolution ErrorBound::Impl::with_brightness(double brightness) const {
   return linear;
 }
 
-// Poses count in proportion to their prior and to how much of their captures they share with the
-// true one: whoever is told that the object is at one of them can only do better.
+// Poses count in proportion to their prior and to the share of their captures that they have in
+// common with the true one. A method that is told that the object is at one of these poses can only
+// do better.
 Eigen::MatrixXd ErrorBound::Impl::ambiguity_at(const PoseVector& pose, const ShapeBuffer& light,
                                                const LinearSolution& linear) const {
   const Scene& scene = compiled->scene;
@@ -264,10 +266,10 @@ Eigen::MatrixXd ErrorBound::Impl::ambiguity_at(const PoseVector& pose, const Sha
                          roots);
 }
 
-// The score of the true pose is half the square of a normal deviate whose mean is the signal-to-
-// noise ratio; its variance is larger than one where the object's own photons add to the noise. The
-// best of all poses scores at least as much, so this is a lower bound. Empty captures pass the
-// threshold as well, in the share of false alarms.
+// The score of the true pose is half the square of a normal deviate whose mean is the
+// signal-to-noise ratio. The deviate's variance is larger than one where the object's own photons
+// add to the noise. The best of all poses scores at least as much, so this is a lower bound. Empty
+// captures pass the threshold as well, with the probability of a false alarm.
 double ErrorBound::Impl::detection_at(const ShapeBuffer& light,
                                       const LinearSolution& linear) const {
   const double amplitude = linear.amplitude.front();
@@ -290,11 +292,13 @@ double ErrorBound::Impl::detection_at(const ShapeBuffer& light,
     }
   }
   const double sigma = empty_noise > 0 ? std::sqrt(noise / empty_noise) : 1.0;
-  // The best of all poses passes no rarer than any one of them, whose share is a normal deviate's.
-  // Less comes of a search region without light, whose scores are all 0.
+  // The best of all poses passes a threshold at least as often as any single pose, which passes as
+  // often as a normal deviate. A threshold below that deviate's comes of a search region without
+  // light, whose scores are all 0.
   const double needed = std::max(std::sqrt(2 * std::max(threshold, 0.0)), kAlarmDeviate);
   double seen = normal_share((ratio - needed) / sigma);
-  // Few photons are no normal deviate: a capture without any of the object's is an empty one.
+  // Few photons do not give a normal deviate: a capture without any photon of the object is an
+  // empty one.
   const auto counts_photons = [&](const ObservedZone& zone) {
     return observation->noise_model(zone).counts_photons();
   };
@@ -349,9 +353,9 @@ Eigen::MatrixXd ErrorBound::cramer_rao(const PoseVector& pose, double brightness
   return covariance_of(info.pose, own.prior);
 }
 
-// The estimate moves by I^-1 J' W e where the light is off by e, W the inverse of the photons'
-// variance, the linear unknowns eliminated. Errors that are correlated within a zone are sums of
-// independent ones: of the columns of a root of their covariance.
+// If the light is off by e, the estimate moves by I^-1 J' W e, where W is the inverse of the
+// photons' variance and the linear unknowns are eliminated. Errors that are correlated within a
+// zone are sums of independent errors: the columns of a root of their covariance.
 Eigen::MatrixXd ErrorBound::carried_error(const PoseVector& pose, const HistogramCube& error,
                                           const Eigen::MatrixXd& correlation,
                                           double brightness) const {

@@ -13,8 +13,9 @@ constexpr double kDark = 1e-12;
 /// Features of a zone beside its bins: ambient light outside its time gate, priors of ambient light
 /// and of an amplitude of its own.
 constexpr Eigen::Index kMoreFeatures = 3;
-/// The quadratic estimate of a squared distance may be this much too large: by judgement. A larger
-/// factor costs time only, a smaller one may leave out a pose that counts, and lower the bound.
+/// Factor by which the quadratic estimate of a squared distance may be too large, by judgement. A
+/// larger factor only costs time. A smaller one may leave out a pose that counts, which lowers the
+/// bound.
 constexpr double kEstimate = 3;
 
 }  // namespace
@@ -98,7 +99,8 @@ LookAlike::Fit LookAlike::compare(const TestLight& test) const {
 double LookAlike::amplitude_for(double norm, double projection, double truth) const {
   const LinearUnknowns& unknowns = solver_.unknowns();
   if (unknowns.amplitude == LinearMode::fixed || truth <= 0) return truth;
-  // Steps of at most one each: as far as starts are from the truth (20), and Newton's at the end.
+  // Steps are at most one each and starts at most 20 away from the truth. The last steps are
+  // Newton's.
   constexpr int kSteps = 20;
   const double precision = std::pow(unknowns.amplitude_prior.sigma_log, -2);
   const auto value = [&](double u) {
@@ -119,9 +121,9 @@ double LookAlike::amplitude_for(double norm, double projection, double truth) co
   return truth * std::exp(best);
 }
 
-// Variances are straight lines in the expected counts, V0 + V1 m: integral of dm / (2 sqrt(V)). Of
-// photons the Bhattacharyya coefficient is then exact, of normal counts their changing variance is
-// taken for known.
+// Integral of dm / (2 sqrt(V)), where the variance V = V0 + V1 m is linear in the expected counts
+// m. For photons the Bhattacharyya coefficient is then exact. For normal counts, the changing
+// variance is taken as known.
 double LookAlike::root(std::size_t z, double counts) const {
   const Observation& observation = solver_.observation();
   const BinLikelihood& noise_model = observation.noise_model(observation.zones[z]);
@@ -192,7 +194,7 @@ LookAlike::Confused LookAlike::confused(const TestLight& test, double negligible
       square += a * (norm * a - 2 * projection);
       if (a > 0 && truth > 0) square += precision * std::pow(std::log(a / truth), 2);
     }
-    // A squared distance is about a quarter of that.
+    // The squared distance of the roots is about a quarter of `square`.
     if (0.25 * square > kEstimate * limit) continue;
     const Eigen::VectorXd roots = roots_of(test, fit, k, amplitude);
     if (roots.squaredNorm() > limit) continue;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What poses look like beside a true one when brightness, ambient light and direct return are
-/// unknown: they take the values that make the two hardest to tell apart.
+/// Poses that look like a true one when brightness, ambient light and direct return are unknown.
+/// These take the values that make the two poses hardest to tell apart.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,11 +26,12 @@ class LookAlike {
   /// Poses that some capture may confuse with the true one.
   struct Confused {
     std::vector<Eigen::Index> index;  ///< into the columns of the test light
-    /// [features, 1 + confused] less those of the true pose, which is the first column: half the
-    /// squared distance of two is minus the logarithm of their Bhattacharyya coefficient.
+    /// [features, 1 + confused] less those of the true pose, which is the first column. Half the
+    /// squared distance of two columns is minus the logarithm of their Bhattacharyya coefficient.
     Eigen::MatrixXd roots;
   };
-  /// Those whose squared coefficient with the true pose is not far below `negligible`.
+  /// Test poses whose squared Bhattacharyya coefficient with the true pose is at least
+  /// `negligible`.
   Confused confused(const TestLight& test, double negligible) const;
 
  private:
@@ -41,10 +42,10 @@ class LookAlike {
     Eigen::MatrixXd basis;      ///< [bins, 2] ambient light and direct return, 0 where not free
     Eigen::Matrix2d inverse;    ///< of their information
     Eigen::VectorXd light;      ///< [bins] the object's at the true pose and amplitude
-    Eigen::Vector2d explained;  ///< of that light by the basis
+    Eigen::Vector2d explained;  ///< weighted product of that light and the basis
     double amplitude = 0, ambient = 0, direct = 0;
   };
-  /// Quadratic in the amplitude: norm a^2 - 2 projection a + constant, of squared distance.
+  /// Squared distance as a quadratic in the amplitude a: norm a^2 - 2 projection a + constant.
   struct Fit {
     Eigen::MatrixXd norm, projection;        ///< [zones or 1, K]
     std::vector<Eigen::MatrixXd> explained;  ///< [zones] of [2, K]

@@ -19,12 +19,12 @@
 namespace blindcorner {
 namespace {
 
-/// Rounds of parameters and of what is left over: the first with the stated noise and bins, the
-/// second with the noise that the first left, the third with the bins that are usable by the
-/// second's.
+/// Rounds that fit the parameters and then learn from the residuals. The first one has the stated
+/// noise and bins, the second one the noise that the first left, and the third one the bins that
+/// are usable at the second's noise.
 constexpr int kRounds = 3;
-/// Most steps of Levenberg and Marquardt in a round; it stops before when it gains no more. By
-/// judgement: the next round goes on where one has not ended.
+/// Most steps of Levenberg and Marquardt in a round, which stops before when it gains no more. By
+/// judgement: the next round goes on from where a round stopped.
 constexpr int kIterations = 8;
 
 /// True pose of a capture in the order of the scene's unknowns.
@@ -44,8 +44,8 @@ PoseVector true_pose(const Scene& scene, const Capture& capture, std::size_t ind
   return pose;
 }
 
-/// Zones that never count anything, where others do, carry no information. Returns a line that says
-/// so; empty: there are none.
+/// Marks zones dead that never count anything while others do: they carry no information. Returns a
+/// line that names them; empty: there are none.
 std::string find_dead_zones(const std::vector<Capture>& captures, Sensor& sensor) {
   std::vector<int> dark;
   int live = 0;
@@ -86,23 +86,24 @@ struct CalibrationState {
 
   /// Set by pose_problem().
   std::optional<CalibrationProblem> problem;
-  Eigen::VectorXd start, u;  ///< [parameters] before and now
+  Eigen::VectorXd start, u;  ///< [parameters] at the start and at present
 
   CalibrationState(const Scene& scene, const CalibrationOptions& chosen, bool empty)
       : options(chosen), no_object(empty), stated(scene) {}
 
-  /// At what is known now.
+  /// Evaluates all captures at the present parameters.
   Evaluations evaluate() const { return problem->evaluate(problem->scene_at(u)); }
 };
 
-/// Captures that suit the scene, with their true poses; bins and zones that hold nothing of use.
+/// Checks the captures and takes their true poses. Leaves out bins and zones that hold nothing of
+/// use.
 void take_in(CalibrationState& state) {
   if (state.captures.empty()) throw Error("calibrate", "found no captures, accepted: at least one");
   std::vector<const Capture*> all;
   for (const Capture& capture : state.captures) all.push_back(&capture);
   const std::string saturated = leave_out_saturated_bins(state.stated.sensor, all);
   if (!saturated.empty()) state.result.notes.push_back(saturated);
-  // Captures that saturate all the same are no reason to stop.
+  // Captures that saturate in the bins that are left are no reason to stop.
   Scene unlimited = state.stated;
   unlimited.sensor.saturation = 0;
   for (std::size_t c = 0; c < state.captures.size(); ++c) {
@@ -118,8 +119,8 @@ void take_in(CalibrationState& state) {
   state.keep = state.usable;
 }
 
-/// Static light before anything is fitted: direct returns that the scene does not model are far
-/// brighter than all that is to be.
+/// Learns static light before anything is fitted: direct returns that the scene does not model are
+/// far brighter than all light that is to be fitted.
 void learn_first_background(CalibrationState& state) {
   if (!state.options.background) return;
   Scene& scene = state.result.scene;
@@ -128,7 +129,7 @@ void learn_first_background(CalibrationState& state) {
                    Knowledge::stated, scene);
 }
 
-/// Which spot is which, and where the time axes wrap.
+/// Finds which spot belongs to which zone, and where the time axes wrap.
 void learn_layout(CalibrationState& state) {
   if (relay_spots(state.stated).points.size() > kMaxSpots) {
     state.result.notes.emplace_back(
@@ -142,7 +143,7 @@ void learn_layout(CalibrationState& state) {
   state.result.wraps = std::move(layout.wraps);
 }
 
-/// The instrument's parameters as unknowns, at what the scene says but for the gain.
+/// Sets up the instrument's parameters as unknowns, at the values of the scene except for the gain.
 void pose_problem(CalibrationState& state) {
   state.problem.emplace(state.result.scene, state.captures, state.poses,
                         instrument_parameters(state.result.scene, state.options));
@@ -163,7 +164,7 @@ void learn_static_background(CalibrationState& state) {
   state.problem->set_base(base);
 }
 
-/// Parameters; then what is left over tells outliers, noise, ambient and static light.
+/// Fits the parameters. The residuals then tell outliers, ambient light, noise and static light.
 void fit_round(CalibrationState& state) {
   CalibrationProblem& problem = *state.problem;
   const double sigmas = state.options.outlier_sigmas;
@@ -181,7 +182,8 @@ void fit_round(CalibrationState& state) {
   learn_static_background(state);
 }
 
-/// Valid bins anew from the stated ones, with the noise model and the parameters known so far.
+/// Finds the valid bins anew, starting from the stated ones, with the noise model and the
+/// parameters known so far.
 void find_valid_bins(CalibrationState& state) {
   if (!state.options.background) return;
   CalibrationProblem& problem = *state.problem;
@@ -199,7 +201,7 @@ void find_valid_bins(CalibrationState& state) {
   problem.set_base(base);
 }
 
-/// What the data do not determine goes back to its prior.
+/// Sets parameters that the data do not determine back to their priors.
 void put_back_undetermined(CalibrationState& state) {
   const Eigen::MatrixXd covariance = state.problem->covariance(state.u, state.keep);
   for (std::size_t i = 0; i < state.problem->parameters().size(); ++i) {
@@ -210,7 +212,7 @@ void put_back_undetermined(CalibrationState& state) {
   }
 }
 
-/// All that was found out, and how well it describes the captures.
+/// Reports all that was found, and how well it describes the captures.
 void tell(CalibrationState& state) {
   const CalibrationProblem& problem = *state.problem;
   const Sensor& sensor = problem.base().sensor;
@@ -232,7 +234,7 @@ void tell(CalibrationState& state) {
   result.views = views(problem, before, after, state.keep);
 }
 
-/// The object's brightness: the gain has taken up its mean.
+/// Learns the spread of the object's brightness. The gain has taken up its mean.
 void learn_brightness(CalibrationState& state) {
   Calibration& result = state.result;
   result.brightness_log =
@@ -246,7 +248,7 @@ void learn_brightness(CalibrationState& state) {
   }
 }
 
-/// Noise and outliers as the errors of fits will want them.
+/// Sets the outlier probability, and scales the noise to the errors of fits.
 void learn_errors(CalibrationState& state) {
   Scene& scene = state.result.scene;
   if (scene.outlier_probability <= 0) {

@@ -167,7 +167,7 @@ std::vector<InstrumentParameter> instrument_parameters(const Scene& scene,
   p.prior = bin * 1e12;
   p.logarithmic = true;
   p.sigma = options.bin_width_relative;
-  p.step = 1e-4;  // hundreds of bins away it is a hundredth of one
+  p.step = 1e-4;  // a hundredth of a bin for light that is a hundred bins away
   p.apply = [](Scene& s, double u) { s.sensor.bin_width *= std::exp(u); };
   list.push_back(p);
   add_pulse(scene, options.pulse_log, list);
@@ -246,7 +246,7 @@ std::vector<CalibrationProblem::Evaluation> CalibrationProblem::evaluate(const S
   unknowns.fixed_amplitude = 1;
   unknowns.amplitude_prior = {.median = 1, .sigma_log = 3};
   if (flat_ambient) unknowns.ambient_prior.clear();
-  // Captures usually share their placement; the model is compiled once for each.
+  // Captures usually share their placement; the model is compiled once for each placement.
   std::vector<std::size_t> model_of(captures_.size());
   std::vector<std::unique_ptr<ForwardModel>> models;
   std::vector<SensorPlacement> placements;
@@ -388,7 +388,7 @@ void CalibrationProblem::solve(Eigen::VectorXd& u, int iterations,
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = iterations;
-  options.function_tolerance = 1e-5;  // of some 1e5 bins' half deviance a unit of log likelihood
+  options.function_tolerance = 1e-5;  // of 1e5 bins' half deviance: a unit of log likelihood
   options.num_threads = 1;
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;

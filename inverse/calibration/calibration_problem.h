@@ -15,15 +15,15 @@
 
 namespace blindcorner {
 
-/// One parameter; its unknown u is 0 at what the scene file says.
+/// One parameter. Its unknown u is 0 at the value in the scene file.
 struct InstrumentParameter {
   std::string name;
   double prior = 0;          ///< value at u = 0
   double sigma = 0;          ///< of u
   bool logarithmic = false;  ///< value = prior * exp(u), else prior + unit * u
   double unit = 1;
-  /// Of u, for differences: a thousandth of a bin or of a logarithm, a millimetre. Far above
-  /// rounding, and below what any is known to.
+  /// Step of u for differences: a thousandth of a bin or of a logarithm, or a millimetre. It is far
+  /// above rounding, and below the accuracy to which any parameter is known.
   double step = 1e-3;
   std::function<void(Scene&, double)> apply;
   bool fixed = false;
@@ -31,8 +31,8 @@ struct InstrumentParameter {
   double value(double u) const;
 };
 
-/// Distinct relay spots of a scene, in order of appearance, and the spot of each zone. Empty when
-/// zones are no spots.
+/// Distinct relay spots of a scene, in order of appearance, and the spot of each zone. Empty if a
+/// zone's footprint is not a spot.
 struct RelaySpots {
   std::vector<Eigen::Vector3d> points;
   std::vector<std::size_t> of_zone;
@@ -64,8 +64,8 @@ class CalibrationProblem {
     std::vector<std::vector<double>> mean;    ///< [observed zones][bins] expected counts
     double log_amplitude = 0, log_amplitude_error = 0;  ///< if asked for
   };
-  /// All captures. `free_amplitude` estimates each capture's brightness, `flat_ambient` leaves the
-  /// ambient light's prior out.
+  /// Evaluates all captures. `free_amplitude` estimates each capture's brightness, `flat_ambient`
+  /// leaves the ambient light's prior out.
   std::vector<Evaluation> evaluate(const Scene& scene, bool free_amplitude = false,
                                    bool flat_ambient = false) const;
 
@@ -79,7 +79,7 @@ class CalibrationProblem {
   std::size_t captures() const { return captures_.size(); }
   const Capture& capture(std::size_t i) const { return captures_[i]; }
   const std::optional<PoseVector>& pose(std::size_t i) const { return poses_[i]; }
-  /// Of a parameter; -1: there is none of that name.
+  /// Index of a parameter; -1: there is none of that name.
   Eigen::Index index_of(const std::string& name) const;
   std::vector<InstrumentParameter>& parameters() { return parameters_; }
   const std::vector<InstrumentParameter>& parameters() const { return parameters_; }
@@ -99,7 +99,8 @@ class CalibrationProblem {
   std::vector<std::optional<PoseVector>> poses_;
   std::vector<InstrumentParameter> parameters_;
   std::vector<Observation> observations_;  // [captures]
-  /// Sampling of the fast model: the same at all parameters, or differences would see it change.
+  /// Sampling of the fast model. It is the same at all parameters, because differences would see it
+  /// change.
   std::optional<SamplingStep> sampling_step_;
 };
 

@@ -12,8 +12,9 @@
 namespace blindcorner {
 namespace {
 
-/// Where a capture is furthest from the model, and whether that is light before any that the object
-/// can send by way of the relay (below a thousandth of the zone's peak).
+/// Says where a capture is farthest from the model, and whether that is before any light that the
+/// object can send by way of the relay (up to there, the object's light is below a thousandth of
+/// its peak in the zone).
 std::string worst_bin_text(const Observation& observation,
                            const CalibrationProblem::Evaluation& evaluation) {
   double worst = 0;

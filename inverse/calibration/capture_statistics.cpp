@@ -10,7 +10,8 @@
 namespace blindcorner {
 
 bool has_data(const Observation& observation, const ObservedZone& zone, double level) {
-  // As of a zone with a ten thousandth of the exposures, by judgement: none to speak of.
+  // A zone with a ten thousandth of the exposures has this variance. By judgement: it holds no data
+  // to speak of.
   constexpr double kProportion = 1e4;
   return observation.noise_model(zone).variance(level) <=
          kProportion * observation.likelihood.front()->variance(level);
@@ -44,7 +45,7 @@ std::vector<double> huber_weights(const CalibrationProblem& problem, const Evalu
   std::vector<double> weights = keep;
   for (std::size_t c = 0; c < evaluations.size(); ++c) {
     const double bins = degrees_of_freedom(problem.observation(c));
-    // Captures count less from half as far on as they are left out at.
+    // Captures count less beyond half the distance at which they are left out.
     const double limit = usual * (bins + 0.5 * sigmas * std::sqrt(2 * bins));
     if (evaluations[c].deviance > limit) {
       weights[c] *= std::sqrt(limit / evaluations[c].deviance);
@@ -80,10 +81,10 @@ double typical_log_amplitude(const Evaluations& evaluations) {
 }
 
 double brightness_spread(const Evaluations& free, const std::vector<double>& keep) {
-  // A brightness known to less than half of itself says nothing about a spread of some per cent. An
-  // excess counts up to three standard deviations (one capture must not set the spread) of its
-  // error and a spread of 14 %; its weight is that of a square whose spread is 10 %. By judgement:
-  // spreads of that order are expected.
+  // A brightness known to worse than 40 % says nothing about a spread of some per cent. A deviation
+  // counts up to three standard deviations of its error and a spread of 14 % together, because one
+  // capture must not set the spread. The weight is that of a square whose spread is 10 %. By
+  // judgement: spreads of that order are expected.
   double sum = 0, weight = 0;
   for (std::size_t c = 0; c < free.size(); ++c) {
     const double error = free[c].log_amplitude_error;

@@ -8,14 +8,15 @@
 
 namespace blindcorner {
 
-/// Whether a zone of the capture holds data: one that does not is observed with next to no exposure
-/// and has a variance out of all proportion. `level`: expected counts to compare variances at.
+/// Whether a zone of the capture holds data. A zone without data is observed with next to no
+/// exposure, and its variance is out of all proportion. Variances are compared at `level` expected
+/// counts.
 bool has_data(const Observation& observation, const ObservedZone& zone, double level);
 
-/// Bins of a capture that hold data, at least one.
+/// Number of a capture's bins in zones that hold data, at least one.
 double degrees_of_freedom(const Observation& observation);
 
-/// Sum over the captures that are kept.
+/// Sum of the deviances of the captures that are kept.
 double total_deviance(const Evaluations& evaluations, const std::vector<double>& keep);
 
 /// Huber's weights of whole captures: a capture counts in full while its deviance is within half of
@@ -28,7 +29,8 @@ std::vector<double> huber_weights(const CalibrationProblem& problem, const Evalu
 std::vector<double> fitting_captures(const CalibrationProblem& problem,
                                      const Evaluations& evaluations, double sigmas);
 
-/// Brightness that the captures have in common, natural logarithm: the median of those that tell.
+/// Natural logarithm of the brightness that the captures have in common: the median over those that
+/// determine it.
 double typical_log_amplitude(const Evaluations& evaluations);
 
 /// Spread of log amplitudes beyond their own errors.

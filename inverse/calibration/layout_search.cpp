@@ -12,21 +12,23 @@
 namespace blindcorner {
 namespace {
 
-/// Captures that decide: right and wrong layouts differ by hundreds in deviance with as many, far
-/// more than kWrapGain.
+/// Least number of captures that decide, if as many are given; fewer than twice as many are used.
+/// With this many, right and wrong layouts differ by hundreds in deviance, far more than kWrapGain.
 constexpr std::size_t kMaxCaptures = 48;
 /// A wrap is refuted by another one whose deviance is this much less (five sigma).
 constexpr double kWrapGain = 25;
 /// Squared residuals beyond this many variances, three standard deviations, count less and less.
 constexpr double kTrim = 9.0;
-/// Turns of gain, ambient light and Huber's weights: each brings what is left closer to its end by
-/// more than half, and deviances are compared to a unit.
+/// Turns of gain, ambient light and Huber's weights. Each turn more than halves the remaining
+/// error, and deviances are compared to a unit.
 constexpr int kReweightings = 8;
-/// Steps of the time zero, bins: no further from the truth than a quarter of one, then than a
-/// sixteenth, which moves no light worth telling layouts apart by (a pulse is a bin wide or wider).
+/// Coarse and fine steps of the time zero, bins. The coarse ones come within a quarter of a bin of
+/// the truth, the fine ones within a sixteenth. An error as small as that changes the light too
+/// little to matter for the layout (a pulse is a bin wide or wider).
 constexpr double kStep = 0.5;
 constexpr double kFineStep = 0.125;
-/// Prior standard deviations of the time zero that are searched on either side: 95 % of it.
+/// Standard deviations of the time zero's prior that are searched on either side: they hold 95 % of
+/// the prior.
 constexpr double kTimeZeroSigmas = 2.0;
 
 /// Some of the captures, spread over those given, enough to tell a few discrete choices apart.
@@ -64,8 +66,8 @@ struct Misfit {
   }
 };
 
-/// Deviance of a zone's rows at the gain, and, where it is free, at each row's ambient light that
-/// explain them best; linear in what is far off (Huber's function).
+/// Deviance of a zone's rows at the gain that explains them best and, where it is free, at the best
+/// ambient light of each row. Large residuals count linearly (Huber's function).
 double deviance_of(std::vector<Row>& rows, bool free_ambient) {
   double gain = 0;
   for (int i = 0; i < kReweightings; ++i) {
@@ -125,7 +127,7 @@ std::vector<double> zone_deviances(const CalibrationProblem& problem, const Scen
   return deviances;
 }
 
-/// Every wrap in the farther half of the time axis, none, and what is stated.
+/// Every wrap in the farther half of the time axis, no wrap, and the stated wraps.
 std::vector<int> wrap_candidates(const Sensor& sensor) {
   std::vector<int> candidates{0};
   for (int wrap = (sensor.bins + 1) / 2; wrap <= sensor.bins; ++wrap) candidates.push_back(wrap);
@@ -136,7 +138,7 @@ std::vector<int> wrap_candidates(const Sensor& sensor) {
   return candidates;
 }
 
-/// All orders of so many things, the present one first.
+/// All orders of `count` things, the original one first.
 std::vector<std::vector<int>> permutations(std::size_t count) {
   std::vector<int> order(count);
   std::iota(order.begin(), order.end(), 0);
@@ -147,15 +149,16 @@ std::vector<std::vector<int>> permutations(std::size_t count) {
   return all;
 }
 
-/// What a zone has for a wrap on one spot, and what speaks for it.
+/// The wrap chosen for a zone on one spot, and the evidence for it.
 struct Choice {
   double deviance = 0;
   ZoneWrap wrap;
   bool decided = false;  ///< the data refute what is stated, or confirm it against all others
 };
 
-/// Of wraps and their deviances: what is stated, unless refuted; then none, unless refuted (a wrap
-/// behind all light changes nothing); then the one that beats all others.
+/// Chooses from wraps and their deviances: the stated wrap, unless it is refuted; then no wrap,
+/// unless that is refuted (a wrap behind all light changes nothing); then the wrap that beats all
+/// others.
 Choice decide(int zone, int stated, std::vector<std::pair<double, int>> order) {
   std::sort(order.begin(), order.end());
   const double best = order[0].first;
@@ -173,8 +176,9 @@ Choice decide(int zone, int stated, std::vector<std::pair<double, int>> order) {
   return choice;
 }
 
-/// The search: a zone's light depends on its own spot and its own wrap alone, so all zones are
-/// evaluated at once with each spot and each wrap, and assignments are sums of what was found.
+/// The search. A zone's light depends only on its own spot and its own wrap. All zones are
+/// therefore evaluated at once with each spot and each wrap, and the deviances of assignments are
+/// sums of the zones' deviances.
 class LayoutSearch {
  public:
   LayoutSearch(const Scene& scene, CalibrationProblem problem, const CalibrationOptions& options,
@@ -219,14 +223,14 @@ class LayoutSearch {
   }
 
  private:
-  /// Spots in the places that the order says.
+  /// Puts the spots in the places that the order says.
   void place(const std::vector<int>& order, Scene& scene) const {
     std::vector<Eigen::Vector3d> points;
     for (const int i : order) points.push_back(spots_.points[static_cast<std::size_t>(i)]);
     move_spots(scene, spots_, points);
   }
 
-  /// Of all zones, [zones]; `spot` -1: each on its own.
+  /// Choices of all zones, [zones], when all are on `spot`; -1: each zone is on its own spot.
   std::vector<Choice> choose(const Scene& scene, int spot) const {
     Scene trial = scene;
     if (spot >= 0) place(std::vector<int>(spots_.points.size(), spot), trial);
@@ -253,7 +257,7 @@ class LayoutSearch {
     return choices;
   }
 
-  /// All layouts with the time zero so many bins later than stated.
+  /// Evaluates all layouts with the time zero `time_zero` bins later than stated.
   void evaluate(double time_zero, double sigma) {
     Scene scene = scene_;
     for (Zone& zone : scene.sensor.zones) zone.time_zero += time_zero * scene.sensor.bin_width;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What an instrument's makers leave open in whole numbers: which relay spot is which zone's, and
-/// after how many bins a time axis wraps.
+/// Whole numbers that an instrument's makers leave open: which relay spot belongs to which zone,
+/// and after how many bins a time axis wraps.
 #pragma once
 
 #include <functional>
@@ -20,11 +20,11 @@ struct Layout {
   std::vector<ZoneWrap> wraps;              ///< of zones whose data decide
 };
 
-/// Tries what the options say: all assignments of at most kMaxSpots spots, every wrap in the
-/// farther half of the time axis, and each of them with each of the others: with a wrong wrap the
-/// right spot is refuted, and the other way round. Zones have the gain that suits them, all the
-/// time zero that suits them together; other parameters are as stated. `poses` is [captures], all
-/// known. `advance` is called with the share done, 0 to 1.
+/// Tries what the options say: all assignments of at most kMaxSpots spots, and every wrap in the
+/// farther half of the time axis. Each assignment is tried with each wrap, because a wrong wrap
+/// would refute the right spot and the other way round. Each zone has the gain that suits it, and
+/// all zones share the time zero that suits them together. Other parameters are as stated. `poses`
+/// is [captures], all known. `advance` is called with the share done, 0 to 1.
 Layout find_layout(const Scene& scene, const std::vector<Capture>& captures,
                    const std::vector<std::optional<PoseVector>>& poses,
                    const CalibrationOptions& options, const std::function<void(double)>& advance);

@@ -13,28 +13,28 @@
 namespace blindcorner {
 namespace {
 
-/// Smallest spread of the ambient light that is believed, share of its mean: daylight and lamps are
-/// no steadier over the minutes that captures take.
+/// Least spread of the ambient light relative to its mean: daylight and lamps are no steadier over
+/// the minutes that captures take.
 constexpr double kAmbientSpread = 0.02;
-/// Fewer levels of a zone's ambient light say nothing about their spread: of eight, its 95 % point
+/// Fewer levels of a zone's ambient light say nothing about their spread: of eight, the 95 % point
 /// is the largest one.
 constexpr std::size_t kMinLevels = 8;
-/// Fewer squared residuals say nothing about the noise model: of a hundred, its variance is known
-/// to 14 % (root of 2 / 100).
+/// Fewer squared residuals say nothing about the noise model: a hundred give its variance to 14 %
+/// (root of 2 / 100).
 constexpr std::size_t kMinSquares = 100;
 /// Squared residuals beyond this many variances, three standard deviations, are left out of the
 /// noise model ...
 constexpr double kTrim = 9.0;
 /// ... and those within have this mean, E[u^2 | u^2 < 9] of a standard normal u.
 constexpr double kTrimmedMean = 0.9733;
-/// Counts below this are too skewed to be trimmed as normal ones: of five, one in 200 lies beyond
-/// three standard deviations, twice as many as of a normal variable.
+/// Expected counts below this are too skewed to be trimmed like normal ones: at five, one in 200
+/// lies beyond three standard deviations, twice as many as for a normal variable.
 constexpr double kFewCounts = 5;
 /// Median of chi-square with one degree of freedom, and the 97.5 % point of a normal variable.
 constexpr double kMedianSquare = 0.455;
 constexpr double kNormalPoint = 1.96;
 
-/// A squared residual of one exposure.
+/// A squared residual, scaled to one exposure.
 struct Square {
   std::size_t zone;
   double mean, square;
@@ -54,7 +54,7 @@ std::vector<Square> squared_residuals(const CalibrationProblem& problem,
       const double exposures = problem.capture(c).exposures_of(zone.zone);
       if (exposures <= 0) continue;
       const auto index = static_cast<std::size_t>(zone.zone);
-      // What the fitted ambient light took away.
+      // Degrees of freedom that the fitted ambient light took away.
       double lost = 0;
       if (scene.linear.ambient == LinearMode::per_zone) {
         const BinLikelihood& noise_model = observation.noise_model(zone);
@@ -66,7 +66,7 @@ std::vector<Square> squared_residuals(const CalibrationProblem& problem,
       }
       const double correction = zone.bins() / std::max(zone.bins() - lost, 0.5);
       for (std::size_t k = 0; k < zone.counts.size(); ++k) {
-        // A mean over the captures was taken away from bins with a background.
+        // A mean over the captures was subtracted from bins with a background.
         const int bin = zone.first + static_cast<int>(k);
         const bool fitted = scene.sensor.zones[index].background_at(bin) != 0;
         if (fitted && captures < 2) continue;
@@ -80,8 +80,8 @@ std::vector<Square> squared_residuals(const CalibrationProblem& problem,
   return squares;
 }
 
-/// Mean of the squared residuals of Poisson counts over their mean that are below kTrim: 0.94 of
-/// five counts, which are skewed, and kTrimmedMean of many.
+/// Mean of those squared residuals of Poisson counts, divided by the expected count, that are below
+/// kTrim. It is 0.94 for five counts, which are skewed, and kTrimmedMean for many.
 class PoissonTrim {
  public:
   PoissonTrim() {
@@ -114,9 +114,9 @@ class PoissonTrim {
   std::array<double, kPoints> table_{};
 };
 
-/// Variance per count. Each bin counts alike: in a ratio of sums a few bright bins would stand for
-/// all, and their residuals the fitted gains and times have taken away (a capture of nothing before
-/// a wall gave 0.64 to 0.84).
+/// Variance per count. Each bin has the same weight. In a ratio of sums, a few bright bins would
+/// stand for all, although the fitted gains and times have taken up their residuals (a capture of a
+/// wall without an object gave 0.64 to 0.84).
 double trimmed_dispersion(const std::vector<Square>& squares, double dispersion) {
   struct Ratio {
     double value, counts;
@@ -130,7 +130,8 @@ double trimmed_dispersion(const std::vector<Square>& squares, double dispersion)
   }
   if (ratios.size() < kMinSquares) return mean > 0 && square > 0 ? square / mean : dispersion;
   static const PoissonTrim trim;
-  // What is trimmed depends on the result, which each turn brings closer: by judgement, enough.
+  // Which residuals are trimmed depends on the result, and each turn brings it closer. The number
+  // of turns is by judgement.
   for (int i = 0; i < 20; ++i) {
     double sum = 0, expected = 0;
     for (const Ratio& ratio : ratios) {
@@ -162,8 +163,9 @@ Eigen::VectorXd trimmed_law(const std::vector<Square>& squares, const std::vecto
       g[own] += weight * s.square / kTrimmedMean;
       g[groups] += weight * s.mean * s.square / kTrimmedMean;
     }
-    // The slope by elimination of the floors, then the floors, and once more the slope where a
-    // floor had to be raised: a variance must not vanish, and a thousandth of the level is none.
+    // The slope with the floors eliminated, then the floors, and then the slope once more in case a
+    // floor had to be raised: a variance must not vanish, and a thousandth of the level is as good
+    // as none.
     const auto floors = [&](double slope) {
       for (Eigen::Index k = 0; k < groups; ++k) {
         if (h(k, k) <= 0) continue;
@@ -235,12 +237,13 @@ void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluatio
   }
   std::vector<std::size_t> count(sensor.zones.size());
   for (const Square& s : squares) ++count[s.zone];
-  std::vector<int> group(sensor.zones.size(), 0);  // 0: those of few
+  std::vector<int> group(sensor.zones.size(), 0);  // 0: zones with few residuals
   int groups = 1;
   for (std::size_t z = 0; z < count.size(); ++z) {
     if (count[z] >= kMinSquares) group[z] = groups++;
   }
-  // Start from what holds half of the squares, so that a poor guess does not trim everything.
+  // The start has half of the squares on either side, so that a poor guess does not trim
+  // everything.
   const auto before = [&](std::size_t zone) {
     return *sensor.noise_of(static_cast<int>(zone)).stated_line();
   };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Ambient light and noise of the instrument, from what a fitted model leaves over.
+/// Ambient light and noise of the instrument, from the residuals of a fitted model.
 #pragma once
 
 #include <vector>
@@ -8,15 +8,15 @@
 
 namespace blindcorner {
 
-/// Sets the prior of each zone's ambient light over the captures: median, and the spread that holds
-/// 95 % of them, less what the noise of one estimate makes of it. `flat` was evaluated without that
-/// prior. Left alone where a live zone is seen too rarely.
+/// Sets the prior of each zone's ambient light: its mean is the median over the captures, and its
+/// standard deviation the spread that holds 95 % of them, less the noise of one estimate. `flat`
+/// was evaluated without that prior. Nothing is set if any live zone is seen too rarely.
 void learn_ambient(const CalibrationProblem& problem, const Evaluations& flat,
                    const std::vector<double>& keep, Scene& scene);
 
-/// Sets the noise from squared residuals, trimmed at three standard deviations: where the noise
-/// model states a line, variance = the zone's floor + per_count * mean, zones of few residuals with
-/// a floor in common; else the dispersion. Left alone where there are few residuals.
+/// Sets the noise from squared residuals, trimmed at three standard deviations. If the noise model
+/// states a line, variance = the zone's floor + per_count * mean, and zones with few residuals
+/// share a floor; otherwise the dispersion is set. Nothing is set if there are few residuals.
 void learn_noise(const CalibrationProblem& problem, const Evaluations& evaluations,
                  const std::vector<double>& keep, Scene& scene);
 

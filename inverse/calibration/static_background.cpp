@@ -12,29 +12,30 @@
 namespace blindcorner {
 namespace {
 
-/// Captures of which fewer say nothing about a bin's scatter, known to a quarter of eight (root of
-/// 1 / 14); photons have a law of their own.
+/// Fewer captures say nothing about a bin's scatter: eight give it to a quarter (root of 1 / 14).
+/// Photons have a law of their own.
 constexpr std::size_t kMinCaptures = 8;
-/// Bins that hold nothing, of which fewer say nothing about a capture's level: the fewest whose
-/// median one bad one cannot move away.
+/// Fewer bins without static light say nothing about a capture's level: of three, one bad bin
+/// cannot move the median far.
 constexpr std::size_t kMinBins = 3;
-/// Standard errors by which static light refutes zero: of thousands of bins none does by chance.
+/// Distance from zero, in standard errors, at which static light is found: among thousands of bins,
+/// none is as far off by chance.
 constexpr double kFound = 5.0;
-/// Counts further off than this many standard deviations are taken as this far: one capture with
-/// something in view must not make a background. By judgement: of a normal variable one
-/// in 5e8 is as far off.
+/// Counts farther off than this many standard deviations are moved to this distance: one capture
+/// with something in view must not make a background. By judgement: a normal variable is as far off
+/// once in 5e8.
 constexpr double kClip = 6.0;
-/// Turns in which lit bins and the level of the others are told apart, by judgement: each finds
-/// what the one before has hidden.
+/// Number of turns that tell lit bins and the level of the others apart, by judgement. Each turn
+/// finds lit bins that the turn before had hidden.
 constexpr int kTurns = 4;
-/// Variance over that of the zone's other bins at which a bin cannot be used, by judgement: claims
-/// that rest on it are off by a factor of root two ...
+/// A bin cannot be used if its variance exceeds that of the zone's other bins by this factor, by
+/// judgement: claims that rest on it are off by a factor of root two ...
 constexpr double kRestless = 2.0;
-/// ... if that is this many standard deviations above one, of a chi-square variable: not by chance
-/// among thousands of bins.
+/// ... and if the factor is this many standard deviations of a chi-square variable above one, which
+/// does not happen by chance among thousands of bins.
 constexpr double kRestlessSigmas = 8.0;
-/// Photons of the ambient light in a bin, over all captures, of which fewer condemn no bin: of 20,
-/// less than half is 2.2 standard deviations too few.
+/// A bin is not judged by fewer photons than this, expected over all captures: of 20, less than
+/// half is 2.2 standard deviations too few.
 constexpr double kMinPhotons = 20.0;
 
 /// Counts of one bin in one capture that the object does not light.
@@ -44,11 +45,11 @@ struct DarkCount {
   double direct = 0;    ///< the modelled direct return
   double variance = 0;  ///< by the noise model, at the expected counts
   double photons = 0;   ///< expected, where photons are counted
-  double clip = 0;      ///< distance from the others beyond which it is not believed
-  double cautious = 0;  ///< variance at the counts if they are more than expected
+  double clip = 0;      ///< distance from the other captures beyond which it is clipped
+  double cautious = 0;  ///< variance at the count itself where it is above the expected one
 };
 
-/// Those of a zone in one capture.
+/// The dark counts of a zone in one capture.
 struct DarkBins {
   std::vector<DarkCount> bins;
   double scale = 1;             ///< of the static light
@@ -70,7 +71,7 @@ std::vector<bool> lit_by_object(const ObservedZone& zone, const std::vector<doub
   return lit;
 }
 
-/// Zone `z` in all captures that are kept and have data there.
+/// The dark counts of zone `z` in all captures that are kept and have data there.
 std::vector<DarkBins> dark_bins(const CalibrationProblem& problem, const Evaluations& evaluations,
                                 const std::vector<double>& keep, int z, Knowledge knowledge) {
   const Scene& scene = problem.base();
@@ -129,7 +130,7 @@ std::vector<DarkBins> dark_bins(const CalibrationProblem& problem, const Evaluat
 /// A bin over all captures in which it is dark.
 struct BinMean {
   std::size_t captures = 0;
-  double value = 0;     ///< above the level, of the scale one
+  double value = 0;     ///< above the level, at a scale of one
   double error = 0;     ///< standard error
   double ratio = 1;     ///< variance over the expected one
   double freedom = 1;   ///< degrees of freedom of the ratio
@@ -138,11 +139,11 @@ struct BinMean {
   double expected = 0;  ///< variance of the value that the noise model expects
 };
 
-/// Of one bin: what it holds above the level in each capture.
+/// What one bin holds above the level in one capture.
 struct Sample {
   const DarkCount* dark;
-  double value;    ///< of the scale one
-  double stretch;  ///< from the capture's scale to that
+  double value;    ///< at a scale of one
+  double stretch;  ///< factor from the capture's scale to one
 
   double variance() const { return stretch * stretch * dark->variance; }
 };
@@ -155,7 +156,7 @@ BinMean mean_of(const std::vector<Sample>& samples) {
   for (const Sample& s : samples) values.push_back(s.value);
   const double middle = median(values);
   for (double& value : values) value = std::abs(value - middle);
-  // Of a normal variable the standard deviation is 1.4826 median absolute deviations.
+  // The standard deviation of a normal variable is 1.4826 median absolute deviations.
   const double scatter = 1.4826 * median(std::move(values));
   std::vector<double> clipped;
   double cautious = 0;
@@ -175,23 +176,24 @@ BinMean mean_of(const std::vector<Sample>& samples) {
   double sum = 0;
   for (const double value : clipped) sum += std::pow(value - mean.value, 2);
   mean.error = std::sqrt(sum / (count * (count - 1)));
-  // All captures together: the ambient light of one says little where counts are sparse, whose
-  // kurtosis is beyond a normal distribution's, too.
+  // The ratio is taken over all captures together, because the ambient light of a single capture
+  // says little where counts are sparse. Sparse counts also have a larger kurtosis than normal
+  // ones.
   mean.ratio = sum / (count - 1) / (mean.expected * count);
   const double excess = mean.photons > 0 ? count / mean.photons : 0.0;
   mean.freedom = (count - 1) / (1 + excess / 2);
   return mean;
 }
 
-/// Means of a zone's bins over the captures, above the level of those that hold nothing.
+/// Means of a zone's bins over the captures, above the level of the bins without static light.
 struct ZoneMeans {
   std::vector<BinMean> bins;  ///< [bins]
   std::vector<bool> lit;      ///< [bins] static light was found
   double level = 0;           ///< of the others, median over the captures
-  double usual = 1;           ///< median over the bins of variance over the expected one
+  double usual = 1;           ///< median over the bins of observed over expected variance
 };
 
-/// Level of the bins of a capture that hold nothing; nothing if there are too few.
+/// Level of a capture's bins without static light; nothing if there are too few of them.
 std::optional<double> level_of(const DarkBins& capture, const std::vector<bool>& lit, bool first) {
   if (capture.level) return capture.level;
   std::vector<double> nothing;
@@ -199,12 +201,12 @@ std::optional<double> level_of(const DarkBins& capture, const std::vector<bool>&
     if (!lit[dark.bin]) nothing.push_back(dark.count);
   }
   if (nothing.size() < kMinBins) return std::nullopt;
-  // At first any bin may be lit: the median of most of them holds.
+  // At first any bin may be lit, but the median holds while most are not.
   if (first) return median(std::move(nothing));
   return std::accumulate(nothing.begin(), nothing.end(), 0.0) / static_cast<double>(nothing.size());
 }
 
-/// `least`: captures of which fewer say nothing.
+/// `least` is the number of captures of which fewer say nothing about a bin.
 ZoneMeans zone_means(const std::vector<DarkBins>& captures, int bins, std::size_t least) {
   const auto bin_count = static_cast<std::size_t>(bins);
   ZoneMeans means;
@@ -233,7 +235,7 @@ ZoneMeans zone_means(const std::vector<DarkBins>& captures, int bins, std::size_
       if (samples[k].size() >= kMinCaptures) ratios.push_back(means.bins[k].ratio);
     }
     means.usual = ratios.empty() ? 1.0 : std::max(median(std::move(ratios)), 1e-12);
-    // A median of small whole numbers is off for all bins alike.
+    // A level that is a median of small whole numbers is off by the same amount for all bins.
     const double offset = level_known || offsets.empty() ? 0.0 : median(std::move(offsets));
     for (std::size_t k = 0; k < bin_count; ++k) {
       BinMean& bin = means.bins[k];
@@ -271,8 +273,7 @@ std::vector<double> object_light(const CalibrationProblem& problem, const Evalua
   return light;
 }
 
-/// The run of bins in [first, end) without an unusable one that holds most light; the longest if
-/// none holds any.
+/// The run of usable bins in [first, end) that holds most light; if none holds any, the longest.
 TimeGate best_run(const std::vector<bool>& unusable, const std::vector<double>& light, int first,
                   int end) {
   TimeGate best;
@@ -286,7 +287,7 @@ TimeGate best_run(const std::vector<bool>& unusable, const std::vector<double>& 
       continue;
     }
     run.end = k + 1;
-    // Rounding can make no light a little less than none.
+    // Rounding can make the light slightly negative.
     sum += std::max(light[static_cast<std::size_t>(k)], 0.0);
     if (std::pair{sum, run.end - run.first} > most) {
       most = {sum, run.end - run.first};
@@ -334,7 +335,7 @@ void leave_out_unusable_bins(const CalibrationProblem& problem, const Evaluation
                              const std::vector<double>& keep, Scene& scene) {
   Sensor& sensor = scene.sensor;
   const bool photons = sensor.noise.counts_photons();
-  // The variance of what was cut off at zero says nothing about a bin.
+  // Counts that are cut off at zero have a variance that says nothing about a bin.
   const bool censored = make_likelihood(sensor.noise, 1, 1)->censored();
   for (int z = 0; z < sensor.zone_count(); ++z) {
     Zone& zone = sensor.zones[static_cast<std::size_t>(z)];

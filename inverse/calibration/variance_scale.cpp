@@ -12,15 +12,16 @@
 namespace blindcorner {
 namespace {
 
-/// Captures that are fitted: the mean of as many squared errors is known to about a tenth.
+/// Most captures that are fitted: the mean of that many squared errors is known to about a tenth.
 constexpr std::size_t kMaxCaptures = 96;
-/// Normalised errors beyond this are taken as this: one disturbed capture must not set the scale.
-/// Of three unknowns, one in two thousand is larger (chi-square of 18).
+/// Larger normalised errors count as this: one disturbed capture must not set the scale. With three
+/// unknowns, one in two thousand is larger (chi-square of 18).
 constexpr double kMaxError = 6.0;
 
-/// Search for the factor by secants, by judgement: it starts at the error itself, at most at 3,
-/// takes three fits of all captures, ends within 3 % (their mean is known to a tenth), goes on by
-/// 1.3 where the error hardly falls, and never goes above kMaxError, beyond which no error counts.
+/// Search for the factor by secants, by judgement. It starts at the error itself, at most at 3, and
+/// fits all captures at most three times more. It ends when the error is within 3 % of one (the
+/// mean error is known to a tenth). Where the error hardly falls, the factor grows by 1.3. The
+/// factor never exceeds kMaxError, beyond which no error counts.
 constexpr double kMaxStart = 3.0;
 constexpr int kMaxSecants = 3;
 constexpr double kCloseEnough = 0.03;

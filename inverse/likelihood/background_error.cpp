@@ -8,17 +8,18 @@
 namespace blindcorner {
 namespace {
 
-/// Share of the photon variance below which the error is left out: it would widen a standard
-/// deviation by half as much.
+/// The error is left out if its variance is below this share of the photon variance. It would widen
+/// a standard deviation by half that share.
 constexpr double kMinShare = 0.01;
-/// Bins to either side that tell how bright a bin is: its own count alone would weigh itself, and
-/// has a fifth of the say. By judgement; light changes over a pulse, which is a bin wide or wider.
+/// Number of bins on either side that, with the bin itself, tell how bright a bin is. A bin's own
+/// count alone would decide its own weight; this way it has a fifth of the say. By judgement: light
+/// changes over a pulse, which is a bin wide or wider.
 constexpr int kReach = 2;
-/// Share above which a finer background, which costs as much as some renders, is asked for: the
-/// error would widen a standard deviation by 40 %.
+/// Share above which a finer background is used, which costs as much as some renders. The error
+/// would widen a standard deviation by 40 %.
 constexpr double kWorthFiner = 1;
 
-/// Photon variance of each bin, of light that is known or counted.
+/// Photon variance of each bin, from its known or its counted light, whichever is brighter.
 std::vector<double> photon_variances(const GatedBackground& background, const LinearSolution& empty,
                                      const Observation& observation) {
   std::vector<double> variances;
@@ -37,7 +38,7 @@ std::vector<double> photon_variances(const GatedBackground& background, const Li
   return variances;
 }
 
-/// The error's share of the photon variance, bin by bin.
+/// The error's variance over the photon variance, for each bin.
 std::vector<double> error_shares(const GatedBackground& background, const LinearSolution& empty,
                                  const Observation& observation,
                                  const std::vector<double>& photons) {

@@ -8,11 +8,12 @@
 
 namespace blindcorner {
 
-/// Gives each bin the share of the photon noise in all that it may be off by as its weight. `empty`
-/// is the scene without an object. Where the error is negligible in all bins they keep none.
+/// Sets each bin's weight: the photon variance over the sum of photon variance and the background's
+/// own error variance. `empty` is the fit without an object. Where the error is negligible in all
+/// bins, the bins get no weights.
 void weigh(const CompiledScene& compiled, const LinearSolution& empty, Observation& observation);
 
-/// Captures cut to the compiled scene's gates, weighed by their own fit without an object.
+/// Cuts captures to the compiled scene's gates and weighs them by their own fit without an object.
 Observation observe(const CompiledScene& compiled, std::span<const Capture> captures);
 
 }  // namespace blindcorner

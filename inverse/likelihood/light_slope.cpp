@@ -8,8 +8,8 @@
 namespace blindcorner {
 namespace {
 
-/// Rows above which an unknown's light is worth a task of its own, tenths of a millisecond, as a
-/// model's is anyway.
+/// From this number of rows on, the light for one unknown takes tenths of a millisecond and is
+/// worth a task of its own. A model's light always is.
 constexpr int kManyRows = 4000;
 
 }  // namespace

@@ -19,8 +19,8 @@ enum class Differences {
   central
 };
 
-/// [rows, unknowns] Derivatives of the object's light at unit amplitude in the pose. `here`: the
-/// light at the pose, which one-sided differences are taken from.
+/// [rows, unknowns] Derivatives of the object's light at unit amplitude in the pose. `here` is the
+/// light at the pose, from which one-sided differences are taken.
 void light_slope(const PoseObjective& objective, const LightSource& source, const PoseVector& pose,
                  const ShapeBuffer& here, Differences differences, Eigen::MatrixXd& slope);
 
@@ -29,7 +29,7 @@ void light_slope(const PoseObjective& objective, const LightSource& source, cons
                  const ShapeBuffer& here, Differences differences, Eigen::Index unknown,
                  Eigen::Ref<Eigen::VectorXd> column);
 
-/// All of them by one-sided differences.
+/// The derivatives in all unknowns, by one-sided differences.
 Eigen::MatrixXd light_slope(const PoseObjective& objective, const LightSource& source,
                             const PoseVector& pose);
 

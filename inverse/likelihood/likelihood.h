@@ -36,9 +36,8 @@ struct LinearTerms {
 };
 
 /// Negative log likelihood of a count n when m is expected, its derivatives in m, and the Fisher
-/// information of m. Constants that depend on n alone are chosen so that the deviance is
-/// 2 (value(n, m) - saturated(n)) >= 0. Means of photons below the smallest number are taken for
-/// that.
+/// information of m. The constants, which depend on n alone, are chosen so that the deviance is 2
+/// (value(n, m) - saturated(n)) >= 0. Photon means below the smallest number are replaced by it.
 ///
 /// Poisson:  value = k (m - n log m), k = exposures / dispersion.
 /// Gaussian: value = (n - m)^2 / (2 V) + log(V) / 2 with V = (floor + per_count * max(m, 0)) /
@@ -53,15 +52,15 @@ class BinLikelihood {
       : counts_photons_(counts_photons), scale_(scale) {}
   virtual ~BinLikelihood() = default;
 
-  /// As NoiseModel::counts_photons(): means are above zero, and the sum of the counts of bins that
-  /// expect the same is as good as the bins.
+  /// As NoiseModel::counts_photons(). Means are then above zero, and the sum of the counts of bins
+  /// that expect the same tells as much as the single counts.
   bool counts_photons() const { return counts_photons_; }
-  /// Exposures over the dispersion, where the noise model has one: where photons are counted,
-  /// photons per count.
+  /// Exposures, over the dispersion where the noise model has one. Where photons are counted, this
+  /// is the number of photons per count.
   double scale() const { return scale_; }
-  /// An expected count, or where photons are counted and it is darker, what a share of one photon
-  /// makes, which is far below one in all bins: counts may be averages over any number of
-  /// exposures.
+  /// The expected count `m` or, where photons are counted, at least the count of kDarkPhotons
+  /// photons. That is far below one photon in all bins together. It is stated in photons, because
+  /// counts may be averages over any number of exposures.
   double lit(double m) const { return counts_photons_ ? std::max(m, kDarkPhotons / scale_) : m; }
   /// Whether a count of zero stands for "zero or less".
   virtual bool censored() const { return false; }
@@ -86,31 +85,32 @@ class BinLikelihood {
   // Rows of bins are what the solver spends its time on.
 
   /// First and second derivatives of value(n, m) in m, [bins] each. Where the value is not convex
-  /// (far from the data) the information stands for the second.
+  /// (far from the data), the information replaces the second.
   virtual void slopes(const CountRow& row, const double* m, double* first,
                       double* second) const = 0;
   /// residual() of each bin, [bins], without the row's weights; `saturated` and `best` are those of
   /// the counts.
   virtual void residuals(const CountRow& row, const double* m, const double* saturated,
                          const double* best, double* out) const;
-  /// Sum of the half deviances; `saturated_sum` is that of the saturated values, weighted as the
-  /// row is.
+  /// Sum of the half deviances. `saturated_sum` is the sum of the saturated values with the row's
+  /// weights.
   virtual double half_deviance(const CountRow& row, const double* m,
                                double saturated_sum) const = 0;
-  /// Adds the derivatives of the row's value in the linear unknowns, curvatures as by slopes().
+  /// Adds the derivatives of the row's value in the linear unknowns. Curvatures are as in slopes().
   virtual void add_linear_terms(const CountRow& row, const LinearLight& light,
                                 LinearTerms& terms) const;
-  /// Value and derivatives summed over `bins` uncensored bins that expect the same m, of counts
-  /// that add up to `sum` and whose squares add up to `squares`; where bins have weights, sums of
-  /// these and of what they multiply.
+  /// Value and derivatives summed over `bins` uncensored bins that expect the same m. The counts
+  /// add up to `sum` and their squares to `squares`. Where bins have weights, `bins` is their sum,
+  /// and the other two sums are weighted.
   virtual Terms equal_bins(double bins, double sum, double squares, double m) const = 0;
 
-  /// Adds mean and variance of the deviances of counts that expect `means`: one and two only where
-  /// counts are many.
+  /// Adds the mean and the variance of the deviances of counts that expect `means`. For one count
+  /// they are one and two only if the count is large.
   virtual void add_deviance_moments(std::span<const double> means, double& expected,
                                     double& variance) const = 0;
-  /// The count that is exceeded as rarely when `mean` is expected as a standard normal deviate
-  /// exceeds `deviate`: draws that change little with the mean, the same with every library.
+  /// The count that is exceeded, when `mean` is expected, as rarely as a standard normal deviate
+  /// exceeds `deviate`. Draws made with it change little with the mean and are the same with every
+  /// library.
   virtual double quantile(double mean, double deviate) const = 0;
 
  private:

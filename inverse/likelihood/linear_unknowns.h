@@ -37,8 +37,9 @@ struct LinearSolution {
   bool converged = false;
 };
 
-/// Solver for one observation. Keeps no state between calls; pass `warm` from a nearby pose to
-/// start there. Newton's method, damped by the Newton decrement.
+/// Solver for one observation. It uses Newton's method, damped by the Newton decrement, and keeps
+/// no state between calls. With `warm`, it starts from the given solution, which may be that of a
+/// nearby pose.
 class LinearSolver {
  public:
   /// The observation must outlive the solver.
@@ -49,7 +50,7 @@ class LinearSolver {
   void solve(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm,
              double accuracy = 0) const;
 
-  /// The same without `log_likelihood`, for those who want residuals.
+  /// The same without `log_likelihood`, for callers that want residuals.
   void eliminate(std::span<const ZoneShapes> shapes, LinearSolution& solution, bool warm,
                  double accuracy = 0) const;
 
@@ -64,10 +65,10 @@ class LinearSolver {
                  double* out) const;
   int residual_count() const { return residual_count_; }
 
-  /// Derivatives of these residuals in what the object's light depends on, the linear unknowns
-  /// following as they do to first order (Kaufman 1975): [residual_count(), n] row by row.
-  /// `slope` is the light's, [rows of all gates, n], `residuals` those of the solution, which
-  /// must be the eliminated one: the gradient is then exact.
+  /// Derivatives of these residuals in the unknowns of the object's light, [residual_count(), n]
+  /// row by row. The linear unknowns follow to first order (Kaufman 1975). `slope` holds the
+  /// light's derivatives, [rows of all gates, n], and `residuals` the residuals of `solution`. This
+  /// must be the eliminated solution: the gradient is then exact.
   void jacobian(std::span<const ZoneShapes> shapes, const LinearSolution& solution,
                 const Eigen::MatrixXd& slope, const double* residuals, double* out) const;
 
@@ -75,15 +76,15 @@ class LinearSolver {
   const LinearUnknowns& unknowns() const { return unknowns_; }
 
  private:
-  /// Sums over the bins before one.
+  /// Sums over the bins before a bin. Each bin counts with its weight.
   struct Prefix {
-    double bins = 0;               ///< of these and all others each bin's weight times
+    double bins = 0;               ///< sum of the weights
     double count = 0, square = 0;  ///< n and n^2
     double saturated = 0;          ///< negative saturated log likelihood
     double fixed = 0;              ///< half deviance at the fixed ambient light
   };
-  /// Bins that object or direct return light: at most two ranges; and the sums over the rest, where
-  /// ambient light alone is expected.
+  /// Bins that the object or the direct return lights, in at most two ranges, and the sums over the
+  /// rest, where ambient light alone is expected.
   struct Lit {
     std::array<std::pair<int, int>, 2> ranges;
     std::size_t count = 0;
@@ -95,10 +96,10 @@ class LinearSolver {
     return &unknowns_.ambient_prior[static_cast<std::size_t>(observation_.zones[zone].zone)];
   }
   Lit lit(std::size_t zone, const ZoneShapes& shapes) const;
-  /// Rows of a zone: its bins, those outside of its gate, its priors.
+  /// Number of a zone's residuals: its bins, one for all bins outside of its gate, and its priors.
   int residual_count(std::size_t zone) const;
-  /// A zone's part of a Jacobian [residual_count(zone), n + 1], the last column that of the
-  /// logarithm of its amplitude, with its own unknowns following.
+  /// A zone's part of a Jacobian, [residual_count(zone), n + 1]. The last column is that of the
+  /// logarithm of the zone's amplitude. The zone's own unknowns follow.
   void zone_jacobian(std::size_t zone, const ZoneShapes& shapes, const LinearSolution& solution,
                      const Eigen::Ref<const Eigen::MatrixXd>& slope, const double* residuals,
                      Eigen::MatrixXd& out) const;

@@ -14,14 +14,14 @@
 namespace blindcorner {
 namespace {
 
-/// Highest degree, by judgement: a fifth one of three unknowns would take 92 nodes.
+/// Highest degree. By judgement: degree 5 with three unknowns would take 92 nodes.
 constexpr int kMaxDegree = 4;
-/// Least share of a node that the others do not determine: a node that nearly determines itself
-/// says nothing about the error, rather than everything.
+/// Lower limit of one minus a node's leverage. With it, a node that nearly determines itself says
+/// nothing about the error, rather than everything.
 constexpr double kMinLeft = 1e-3;
 
-/// Weight of a node's equations at |z| standard deviations: less than a round posterior's, so that
-/// the outer nodes still hold the polynomial.
+/// Weight of a node's equations at |z| standard deviations. It falls more slowly than a round
+/// posterior, so that the outer nodes still hold the polynomial.
 double fit_weight(double z) { return std::exp(-z * z / 8); }
 
 std::size_t nodes_for(std::size_t terms) {
@@ -33,7 +33,8 @@ Eigen::VectorXd coordinates(const Scene& scene, const LocalRegion& region, const
       pose_difference(scene, region.center, pose));
 }
 
-/// `z` scaled by the reach: all columns of a design are of one size.
+/// Values of the monomials. `z` is scaled by the reach, so that all columns of a design are of one
+/// size.
 Eigen::VectorXd monomials(const std::vector<std::vector<int>>& exponents,
                           const Eigen::VectorXd& z) {
   Eigen::VectorXd out(static_cast<Eigen::Index>(exponents.size()));

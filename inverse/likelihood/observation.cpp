@@ -13,11 +13,12 @@ namespace blindcorner {
 
 namespace {
 
-/// Exposures that stand for none: a thousand standard deviations tell nothing.
+/// Number of exposures that stands for none. Noise a thousand times that of one exposure tells
+/// nothing.
 constexpr double kNoExposure = 1e-6;
 
-/// Pile-up that hides less than this share of the light is left as it is: by judgement. The
-/// scale of the light is fitted anyway, its shape changes by less.
+/// Pile-up that hides less than this share of the light is not corrected. By judgement: the scale
+/// of the light is fitted anyway, and its shape changes by less.
 constexpr double kPileUpMatters = 0.01;
 
 /// Counts as they would be without pile-up, and the share of the light that was recorded.
@@ -26,12 +27,12 @@ struct Unpiled {
   double live = 1;
 };
 
-/// Coates' correction. Given the earlier bins, a bin's count is binomial; its likelihood in the
-/// expected light m has its maximum at the corrected count n / e and, for a light of l photons per
-/// cycle and bin, its curvature within l^2 / 12 of e times a Poisson law's, e being the share of
-/// the light that was recorded. So the corrected counts follow a Poisson law with e as exposure,
-/// which is convex in the linear unknowns. e hardly changes behind the first bounce, where the
-/// object's light is: its mean over bins and zones stands for all of them.
+/// Coates' correction. Let e be the share of the light that was recorded. Given the earlier bins, a
+/// bin's count is binomial. Its likelihood in the expected light m has its maximum at the corrected
+/// count n / e. For a light of l photons per cycle and bin, the likelihood's curvature is within
+/// l^2 / 12 of e times that of a Poisson law. So the corrected counts follow a Poisson law with e
+/// as exposure, which is convex in the linear unknowns. Behind the first bounce, where the object's
+/// light is, e hardly changes: its mean over bins and zones stands for all of them.
 Unpiled without_pile_up(const Sensor& sensor, const Capture& capture) {
   Unpiled result{capture.counts, 1.0};
   if (sensor.pile_up_cycles <= 0 || !sensor.noise.counts_photons()) {
@@ -55,11 +56,11 @@ Unpiled without_pile_up(const Sensor& sensor, const Capture& capture) {
   return {std::move(corrected), sum / count};
 }
 
-/// Share of captures that may saturate a bin before it is left out of all: by judgement between
-/// leaving out those captures, and losing the bin in the others.
+/// Share of captures that may saturate a bin before the bin is left out of all. By judgement:
+/// between leaving out those captures and losing the bin in the others.
 constexpr double kRarelySaturated = 0.05;
 
-/// Longest run of bins that are not `full` in [first, end); the later one of two.
+/// Longest run in [first, end) of bins that are not `full`; the later one of two equal runs.
 TimeGate longest_run(const std::vector<bool>& full, int first, int end) {
   TimeGate longest, run{first, first};
   for (int k = first; k < end; ++k) {

@@ -14,7 +14,8 @@
 namespace blindcorner {
 
 /// One zone of one capture. Bins in which neither the object nor the direct return can put light
-/// hold only ambient light; where photons are counted, their sum says all that they know.
+/// hold only ambient light; where photons are counted, the sum of these bins says as much as the
+/// single bins.
 struct ObservedZone {
   int capture = 0;  ///< index among the captures of a joint fit
   int zone = 0;
@@ -24,10 +25,10 @@ struct ObservedZone {
   std::vector<double>
       saturated;  ///< [gate] negative saturated log likelihood: the best that any mean attains
   std::vector<int> censored;    ///< bins of the gate whose count stands for "zero or less"
-  std::vector<double> counted;  ///< [gate] 0 in those bins, else 1
-  std::vector<double> best;     ///< [gate] the mean that attains it
-  /// [gate] factor on each bin's log likelihood: the share of the photon noise in what a bin may
-  /// be off by, the static background's own error included. Empty: ones.
+  std::vector<double> counted;  ///< [gate] 0 in the censored bins, else 1
+  std::vector<double> best;     ///< [gate] the mean that attains `saturated`
+  /// [gate] factor on each bin's log likelihood: the photon variance over the sum of photon
+  /// variance and the static background's own error variance. Empty: ones.
   std::vector<double> weight;
   double outside_bins = 0;   ///< valid bins outside the gate, where photons are counted
   double outside_count = 0;  ///< their total count
@@ -59,14 +60,14 @@ struct Observation {
   }
 };
 
-/// A bin that captures fill up to the sensor's `saturation` tells no more than that there was much
-/// light. Takes bins that more than one in twenty of the captures fill from the zones' valid
-/// bins: of what is left each zone keeps the longest run, the later one of two; without any it is
-/// dead. Captures of another shape are passed over. Returns one line that says what was left out;
-/// empty: nothing.
+/// Takes saturated bins from the zones' valid bins: a bin that captures fill up to the sensor's
+/// `saturation` tells no more than that there was much light. A bin is taken if more than one in
+/// twenty of the captures fill it. Each zone keeps the longest run of the bins that are left, the
+/// later one of two; without any it is dead. Captures of another shape are ignored. Returns one
+/// line that says what was left out; empty: nothing.
 std::string leave_out_saturated_bins(Sensor& sensor, std::span<const Capture* const> captures);
 
-/// Whether a valid bin of the capture is full; of a capture that suits the sensor.
+/// Whether a valid bin of the capture is full. The capture must suit the sensor.
 bool saturates(const Sensor& sensor, const Capture& capture);
 
 /// Throws Error when a capture does not suit the scene: zones, bins, NaN or infinite values,

@@ -10,8 +10,8 @@
 namespace blindcorner {
 namespace {
 
-/// Scales beyond this are no correction of a light that is roughly right: by judgement. Beyond, the
-/// light is corrected by what is added alone.
+/// Largest scale of a correction, and the inverse of the smallest one. By judgement: a light that
+/// needs more is not even roughly right, and is corrected by what is added alone.
 constexpr double kMaxScale = 4;
 
 ShapeBuffer& scratch() {
@@ -150,7 +150,7 @@ void PoseObjective::shapes(const LightSource& light, const PoseVector& pose,
   } else if (light.local != nullptr) {
     light.local->light(compiled_.scene, pose, buffer.object.data());
   } else {
-    // Remembered light counts too: which thread finds it is chance.
+    // Remembered light counts too, because it is chance which thread finds it.
     if (light.models != nullptr) renders_ += solver_.observation().captures;
     if (light.models == nullptr || !recent_.find(*light.models, pose, buffer.object)) {
       render(light, pose, buffer.object);

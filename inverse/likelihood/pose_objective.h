@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Log posterior of a pose for one observation, linear unknowns eliminated.
+/// Log posterior of a pose for one observation, with the linear unknowns eliminated.
 #pragma once
 
 #include <Eigen/Core>
@@ -29,8 +29,9 @@ struct PoseValue {
   double log_integrand = 0;  ///< log_posterior plus the linear unknowns' log volume
 };
 
-/// What a cheap light lacks at a pose of the model's: it is scaled zone by zone, then the rest is
-/// added. Near that pose the corrected light has the model's values and the cheap light's slopes.
+/// What a cheap light lacks at a pose to be the model's: it is scaled zone by zone, then the rest
+/// is added. Near that pose the corrected light has the model's values and the cheap light's
+/// slopes.
 struct Correction {
   std::vector<double> scale;  ///< [observed zones]
   std::vector<double> added;  ///< [rows] counts at unit amplitude
@@ -77,9 +78,9 @@ struct LightSource {
   }
 };
 
-/// The models' light at the poses asked for last. A descent ends where its slopes, its corrections,
-/// the Fisher information, the goodness of fit and the fitted histograms then start from. Thread
-/// safe.
+/// The models' light at the poses that were asked for last. The light at the end of a descent is
+/// asked for again by its slopes, its corrections, the Fisher information, the goodness of fit and
+/// the fitted histograms. Thread safe.
 class RecentLight {
  public:
   /// Copies the light [rows] at exactly that pose, if it is still known.
@@ -87,7 +88,8 @@ class RecentLight {
   void keep(const ModelSet& models, const PoseVector& pose, const std::vector<double>& light);
 
  private:
-  /// Poses in use side by side: two descents, each with a place, its slopes and a step.
+  /// Number of poses in use at the same time: two descents, each with a place, its slopes and a
+  /// step.
   static constexpr std::size_t kPoses = 16;
   struct Entry {
     const ModelSet* models = nullptr;
@@ -120,7 +122,7 @@ class PoseObjective {
   double evaluate_light(const Eigen::VectorXf& light, LinearSolution& solution,
                         double accuracy = 0) const;
 
-  /// No object at all.
+  /// The scene without any object.
   PoseValue evaluate_empty(LinearSolution& solution) const;
 
   /// Fills shapes for a pose.
@@ -129,22 +131,22 @@ class PoseObjective {
   /// The same from light that is known, [rows].
   void shapes_of(std::span<const double> light, ShapeBuffer& buffer) const;
 
-  /// What `cheap` lacks of `light`, both at a pose.
+  /// What `cheap` lacks of `light`, both at one pose.
   Correction correction(const ShapeBuffer& light, const ShapeBuffer& cheap) const;
 
   /// The models that decide: the compiled scene's, unless others were chosen. They must outlive
   /// this.
   const ModelSet& models() const { return *models_; }
   void use(const ModelSet& models) { models_ = &models; }
-  /// What the hidden objects at a pose take off the static background, [rows] counts at a scale of
-  /// one, because they stand in the way of its later bounces; empty: nothing. `coarsely` as of
+  /// Shadow of the hidden objects at a pose: what they take off the static background by blocking
+  /// its later bounces, [rows] counts at a scale of one; empty: nothing. `coarsely` is as in
   /// ForwardModel::shadowed_background().
   std::vector<double> shadow_at(const PoseVector& pose, bool coarsely) const;
-  /// Takes it off from now on wherever there is an object. Empty: no shadow.
+  /// Takes `shadow` off the background in all later calls with an object. Empty: no shadow.
   void cast(std::vector<double> shadow);
   const std::vector<double>& shadow() const { return shadow_; }
-  /// Models that are right enough beside the photon noise to say what the posterior looks like
-  /// where they are corrected at its optima: the compiled scene's, unless others were chosen.
+  /// Models that, corrected at the posterior's optima, are accurate enough beside the photon noise
+  /// to give the posterior's shape: the compiled scene's, unless others were chosen.
   const ModelSet& rough_models() const { return *rough_; }
   void use_roughly(const ModelSet& models) { rough_ = &models; }
 
@@ -158,7 +160,7 @@ class PoseObjective {
 
  private:
   void point(ShapeBuffer& buffer, bool object) const;
-  /// Light of models or of closed-form models, gains included.
+  /// Light of models or of closed-form models, including the zones' gains.
   void render(const LightSource& light, const PoseVector& pose, std::vector<double>& object) const;
   void correct(const Correction& correction, ShapeBuffer& buffer) const;
 
@@ -166,7 +168,7 @@ class PoseObjective {
   const GatedBackground& background_;
   const ModelSet* models_;
   const ModelSet* rough_;
-  std::vector<double> shadow_, shaded_;  // [rows] and the background less that; empty: none
+  std::vector<double> shadow_, shaded_;  // [rows] and the background without it; empty: none
   LinearSolver solver_;
   std::vector<std::pair<int, int>> direct_range_;  // [observed zones] lit bins, [first, end)
   int rows_ = 0;

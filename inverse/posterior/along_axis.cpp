@@ -24,8 +24,9 @@ bool falls_like_gaussian(const FallRatios& ratios) {
 }
 
 AlongAxis integrate_along(const FallRatios& ratios) {
-  // At the ends even what falls by 1 / kLaplaceFactor as much as a Gaussian is down to 2e-6; steps
-  // are far finer than those at which the fall is known.
+  // At the ends, even a log posterior that falls only 1 / kLaplaceFactor as fast as a Gaussian's
+  // leaves a density of 2e-6. The steps are far finer than the distances between the points of
+  // kAway.
   constexpr double kEnd = 6, kStep = 0.05;
   const auto ratio = [&](double t) {
     const auto above = std::ranges::upper_bound(kAway, t);

@@ -8,30 +8,32 @@
 
 namespace blindcorner {
 
-/// Laplace holds when the posterior 1.5 sigma from the optimum has fallen by 1.5^2/2, give or take
-/// this factor, in every direction: its width is then right to the factor's root, 16 %. Of a plate
-/// and board's captures (2000) those that Laplace held for had a mean squared normalised error of
-/// 1.14 with a factor of 1.5 and 1.08 with this one and the moments along the axes; 1.25 gives 1.06
-/// and makes a frame of the street a seventh dearer.
+/// Laplace's approximation holds where the log posterior, 1.5 standard deviations from the optimum
+/// along every principal axis, has fallen by 1.5^2 / 2, give or take this factor. The posterior's
+/// width is then right to the factor's root, 16 %. Among 2000 captures of a plate and board, those
+/// for which Laplace held had a mean squared normalised error of 1.14 with a factor of 1.5, and of
+/// 1.08 with this factor and moments along the axes. A factor of 1.25 gives 1.06 and makes a frame
+/// of the street a seventh dearer.
 constexpr double kSigmaPoint = 1.5;
 constexpr double kLaplaceFactor = 1.35;
-/// Farther out it must have fallen by 3^2/2 over that factor at least: along ridges of equal paths
-/// it falls like a Gaussian at first and then no more.
+/// At this many standard deviations, the log posterior must have fallen by at least 3^2 / 2 over
+/// that factor: along ridges of equal paths it falls like a Gaussian's at first and then no more.
 constexpr double kTailPoint = 3;
-/// Where the fall is looked at, in standard deviations, ascending.
+/// Points at which the fall is evaluated, in standard deviations, ascending.
 constexpr std::array kAway{-kTailPoint, -kSigmaPoint, 0.0, kSigmaPoint, kTailPoint};
 
-/// Principal axes of a covariance, one standard deviation each, as columns.
+/// Principal axes of a covariance as columns, each one standard deviation long.
 Eigen::MatrixXd principal_deviations(const Eigen::MatrixXd& covariance);
 
-/// Fall of a log posterior over that of its Gaussian, at the points of kAway.
+/// Fall of a log posterior divided by the fall of its Gaussian, at the points of kAway.
 using FallRatios = std::array<double, kAway.size()>;
 
 /// Whether Laplace holds at the points that are kSigmaPoint away; the others are not looked at.
 bool falls_like_gaussian(const FallRatios& ratios);
 
-/// Integrals over a direction in which the log posterior falls by `ratio(t) t^2 / 2` at `t`
-/// standard deviations of its Gaussian, the ratio being linear between those that are known.
+/// Integrals along an axis on which the log posterior falls by `ratio(t) t^2 / 2` at `t` standard
+/// deviations of its Gaussian. The ratio is linear between the points of kAway and constant beyond
+/// them.
 struct AlongAxis {
   double mass = 0, mean = 0, variance = 0;  ///< in units of the Gaussian's
 };

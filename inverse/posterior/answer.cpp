@@ -14,9 +14,11 @@
 namespace blindcorner {
 namespace {
 
-/// Presence is one half where the light says nothing, but for the rounding of evidence.
+/// Probability of presence below which the light says nothing about it: one half, and a margin for
+/// the rounding of evidences.
 constexpr double kNoEvidence = 0.51;
-/// Effective samples below which a flag says so: of 20, a variance is known to sqrt(2 / 20) = 32 %.
+/// Number of effective samples below which a flag is set: 20 give a variance to sqrt(2 / 20) =
+/// 32 %.
 constexpr double kFewEffective = 20;
 
 }  // namespace

@@ -31,16 +31,16 @@ double EmptyScores::exceeded_by(double share) const {
 
 namespace {
 
-/// Levels of light and exposures beyond this many octaves are taken for that many: by judgement, a
-/// factor of a million either way is more than captures differ by.
+/// Levels of light and exposures are limited to this many octaves either way. By judgement:
+/// captures differ by less than a factor of a million.
 constexpr double kMaxOctaves = 20;
 /// Octaves between levels. An octave moves the law's location and scale by at most 0.04
-/// (DENALI-like and TMF8828 scenes, 2^-8 to 2^8 photons a bin), a third of what 128 captures leave
-/// uncertain, and all levels are simulated with the same deviates: nothing is gained by
-/// interpolating.
+/// (DENALI-like and TMF8828 scenes, 2^-8 to 2^8 photons a bin), a third of the uncertainty that 128
+/// captures leave. All levels are simulated with the same deviates, so that interpolation would
+/// gain nothing.
 constexpr int kStep = 2;
-/// A zone that has less than this share of the most exposures, in octaves, has none to speak of: a
-/// thousandth, which adds as little to what all zones say.
+/// Least share of the most exposures that a zone is simulated with, in octaves. A zone with less
+/// than a thousandth of them adds as little to what all zones say.
 constexpr int kMinShare = -10;
 
 int octaves(double ratio) {
@@ -130,7 +130,7 @@ EmptyScores simulate_empty(const CompiledScene& compiled, const EmptyLevel& leve
   LinearSolution typical;
   typical.amplitude.assign(observation.zones.size(), 0.0);
   typical.direct.assign(observation.zones.size(), 1.0);
-  double units = 0;  // of a count in each bin
+  double units = 0;  // sum over zones of one count per bin, in units of light
   for (const ObservedZone& zone : observation.zones)
     units += 1 / light_unit(observation.noise_model(zone));
   const double ambient =

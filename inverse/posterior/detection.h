@@ -12,14 +12,14 @@
 
 namespace blindcorner {
 
-/// A false-alarm probability above this is called no detection: by convention.
+/// Largest false-alarm probability at which an object counts as detected, by convention.
 inline constexpr double kAlarm = 0.05;
 
 /// Probability of presence from the evidences with and without an object.
 double presence_probability(double log_evidence_present, double log_evidence_empty, double prior);
 
 /// Distribution of the largest score over all poses in empty captures: a Gumbel law fitted to
-/// simulated ones, because the best of many poses follows no textbook chi-square.
+/// simulated captures, because the best of many poses follows no textbook chi-square.
 struct EmptyScores {
   double location = 0;
   double scale = 1;
@@ -30,13 +30,14 @@ struct EmptyScores {
   double exceeded_by(double share) const;
 };
 
-/// All that the distribution depends on beside the compiled scene. It is simulated at just these
-/// levels, with a static background as bright as the scene says, whichever capture asks first.
+/// What the distribution depends on beside the compiled scene. The simulation uses exactly these
+/// levels, and a static background as bright as the scene says, so that it does not matter which
+/// capture asks first.
 struct EmptyLevel {
-  int ambient = 0;    ///< log2 of the mean ambient light of a bin over the light that equals its
-                      ///< own standard deviation (one photon where these are counted)
+  int ambient = 0;    ///< log2 of the ratio of a bin's mean ambient light to the light that equals
+                      ///< its own standard deviation (one photon where photons are counted)
   int exposures = 0;  ///< log2 of the most exposures of a zone, over the dispersion
-  /// [captures * zones] log2 of each zone's exposures over the most; empty: all alike.
+  /// [captures * zones] log2 of the ratio of each zone's exposures to the most; empty: all alike.
   std::vector<int> share;
 
   auto operator<=>(const EmptyLevel&) const = default;
@@ -53,8 +54,9 @@ EmptyScores simulate_empty(const CompiledScene& compiled, const EmptyLevel& leve
 /// neither on the order of captures nor on the number of threads.
 class FalseAlarmCalibration {
  public:
-  /// Distributions are simulated in `home`, which must outlive this; null: in the scene of the
-  /// objective that asks, which then must be the same one for all.
+  /// Distributions are simulated in the scene `home`, which must outlive this object. If `home` is
+  /// null, they are simulated in the scene of the objective that asks, which must then be the same
+  /// for all objectives.
   explicit FalseAlarmCalibration(const CompiledScene* home = nullptr) : home_(home) {}
 
   /// Probability that an empty capture like this one scores at least as high as this one does.

@@ -22,7 +22,7 @@ struct OwnUnknowns {
   bool any() const { return amplitude || ambient || direct; }
 };
 
-/// What is expected of a zone's bins.
+/// What the model expects of a zone's bins.
 struct ExpectedBins {
   Eigen::VectorXd mean;    ///< [gate] counts that the noise model sees
   Eigen::VectorXd weight;  ///< [gate] information of a bin about its mean, 1 / variance
@@ -42,8 +42,9 @@ ExpectedBins bins_of(const LinearSolver& solver, std::size_t z, const ZoneShapes
   return bins;
 }
 
-/// Completes the information [3, 3] of a zone's own linear unknowns from the bins of its time gate:
-/// adds the bins outside of it and the priors, and makes those that it does not have neutral.
+/// Completes the information [3, 3] that the bins of the time gate hold about a zone's own linear
+/// unknowns: adds the bins outside the gate and the priors, and makes the entries of unknowns that
+/// the zone does not have neutral.
 void complete(const ObservedZone& zone, const BinLikelihood& noise_model,
               const LinearUnknowns& unknowns, const OwnUnknowns& own, double ambient,
               Eigen::Matrix3d& information) {
@@ -63,9 +64,9 @@ void complete(const ObservedZone& zone, const BinLikelihood& noise_model,
   }
 }
 
-/// Of the light `here` at an optimum. A spline ends at a bound of the search region and lacks a
-/// neighbour there, so that its slope across the bound misses up to 23 % of the information: there
-/// the model's own is taken.
+/// Derivatives of the light `here` at an optimum. A spline has no neighbour beyond a bound of the
+/// search region, so that its slope across the bound misses up to 23 % of the information. The
+/// model's own slope is taken there.
 Eigen::MatrixXd slope_at(const PoseObjective& objective, const LightSource& source,
                          const ShapeBuffer& here, const Refined& optimum) {
   Eigen::MatrixXd slope;

@@ -43,7 +43,7 @@ FittedHistograms fitted_histograms(const PoseObjective& objective, const Refined
       object[zones[i].first + k] = h.amplitude[z] * at.shapes[i].object[k];
     }
     double* light = known.zone(zones[i].zone);
-    if (at.shapes[i].direct != nullptr) {  // in the object's shadow
+    if (at.shapes[i].direct != nullptr) {  // less what the object's shadow takes
       std::copy_n(at.shapes[i].direct, zones[i].bins(), light + zones[i].first);
     }
     for (int k = 0; k < sensor.bins; ++k) {

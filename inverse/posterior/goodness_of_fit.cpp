@@ -8,9 +8,10 @@
 namespace blindcorner {
 namespace {
 
-/// What is carried for errors of the static background that go together, against a bin's own, in
-/// variance, at least: 3.4 (reference floor), 4.3 (robot_corridor), 9 (street_corner), 16
-/// (tmf8828_wall), against light that is sampled four times as densely.
+/// Least ratio of two variances of the static background: the one that weights carry for its
+/// errors, which go together over bins, and the one of a single bin's error. The ratio is 3.4
+/// (reference floor), 4.3 (robot_corridor), 9 (street_corner) and 16 (tmf8828_wall), measured
+/// against light that is sampled four times as densely.
 constexpr double kTogether = 3.4;
 
 }  // namespace
@@ -39,7 +40,7 @@ GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& opt
       double one = 0, spread = 0;
       noise_model.add_deviance_moments({&mean[k], 1}, one, spread);
       const double photons = k < zone.weight.size() ? zone.weight[k] : 1.0;
-      // What is carried stands for errors that go together: a bin's own is this part of it.
+      // The carried variance stands for errors that go together: a bin's own is this part of it.
       const double weight = photons + (1 - photons) / kTogether;
       fit.expected += weight * one;
       variance += weight * weight * spread;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Does the model explain the capture to its noise?
+/// Does the model explain the capture down to its noise?
 #pragma once
 
 #include "blindcorner/inverse/fit.h"
@@ -7,13 +7,14 @@
 
 namespace blindcorner {
 
-/// Deviance at an optimum against its expectation for counts as small as these are.
+/// Deviance at an optimum against its expectation for the actual, possibly small, counts.
 GoodnessOfFit goodness_of_fit(const PoseObjective& objective, const Refined& optimum);
 
-/// What the counts miss of the log likelihood that is expected at a right optimum.
+/// Shortfall of the log likelihood at an optimum against its expectation at a right one, at least
+/// 0.
 double missed_log_likelihood(const PoseObjective& objective, const Refined& optimum);
 
-/// Factor on covariances for another deviance of the same counts.
+/// Factor on covariances if the same counts have this `deviance`.
 double inflation(const GoodnessOfFit& fit, double deviance);
 
 }  // namespace blindcorner

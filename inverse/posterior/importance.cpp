@@ -47,10 +47,10 @@ constexpr double kGridTemper = 0.4;
 /// samples of equal weight give a share to 6 %.
 constexpr double kAccuracy = 1e-2;
 /// Growth of a standard deviation, and move of the mean in standard deviations, that the later half
-/// of the samples may still bring. A comparison with the stage before took ridges for settled that
-/// grew by less at each stage: on a ridge with two arms (mirror_wall, 1000 captures), .927 of the
-/// truths were in the 95 % region and .936 are now; the mean squared normalised error was 1.15 and
-/// is 1.05.
+/// of the samples may still bring. A comparison with the previous stage takes ridges for settled
+/// that grow by less at each stage. On a ridge with two arms (mirror_wall, 1000 captures), it had
+/// 0.927 of the truths in the 95 % region instead of 0.936, and a mean squared normalised error of
+/// 1.15 instead of 1.05.
 constexpr double kGrowth = 1.2;
 constexpr double kShift = 0.4;
 /// Number of samples about the heaviest one that make up a component: some twice the 21 moments of

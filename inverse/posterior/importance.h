@@ -11,8 +11,8 @@
 
 namespace blindcorner {
 
-/// Accuracy of the log posterior of optima, and on the ways between and along them: densities there
-/// are right to a thousandth, far below what 256 samples can tell.
+/// Accuracy of the log posterior at optima, on the ways between them and along their ridges.
+/// Densities there are right to a thousandth, far better than 256 samples can tell.
 constexpr double kSampleAccuracy = 1e-3;
 
 /// A mode of the posterior before its weight is known.
@@ -24,7 +24,7 @@ struct Peak {
   double log_evidence = 0;  ///< Laplace
 };
 
-/// A pose's distance from a peak in standard deviations, uncorrelated.
+/// A pose's difference from a peak in uncorrelated coordinates, in standard deviations.
 PoseVector whitened(const Scene& scene, const Peak& peak, const PoseVector& pose);
 
 /// Squared distance of a pose from a peak in units of its covariance.
@@ -47,35 +47,36 @@ struct PosteriorSamples {
   double effective = 0;  ///< (sum w)^2 / sum w^2
 };
 
-/// Weighted mean and covariance of samples; differences are taken from `reference`, on circles.
+/// Weighted mean and covariance of samples. Differences are taken from `reference`, circular where
+/// the unknown is.
 void moments(const Scene& scene, const std::vector<const PosteriorSample*>& samples,
              const PoseVector& reference, PoseVector& mean, Eigen::MatrixXd& covariance);
 
-/// What samples are evaluated with.
+/// Light that samples are evaluated with.
 struct SampleLights {
   std::vector<LightSource> near;        ///< [peaks] about each peak
-  std::vector<Correction> corrections;  ///< that these use
-  double reach = 0;                     ///< standard deviations from a peak within which they hold
+  std::vector<Correction> corrections;  ///< [peaks] that `near` uses
+  double reach = 0;                     ///< standard deviations about a peak where `near` holds
   LightSource far;                      ///< elsewhere
 };
 
 struct SamplingOptions {
-  /// Enough when they are worth a quarter as many independent ones (a third where a spline is at
-  /// hand).
+  /// Number of samples, enough when they are worth a quarter as many independent ones (a third
+  /// where the light is a spline).
   int samples = 256;
   double inflation = 1.0;
   std::uint64_t seed = 1;
-  bool local_light = true;  ///< a polynomial of the light, where it is good enough
+  bool local_light = true;  ///< evaluate a polynomial of the light where it is good enough
 };
 
-/// Draws from a mixture of Student t about the peaks and along their ridges (`ridges`, also peaks)
-/// and of the scored grid's cells, each about as often as the filter's score says that the
-/// posterior lives there; the points are those of a sequence that fills space evenly. After each
-/// stage the mixture gets two more t, with the samples' own moments and about the heaviest sample
-/// (incremental mixture importance sampling), and its shares are adapted (population Monte Carlo);
-/// all samples are weighted by the density of the whole mixture, so every stage counts. Stops when
-/// enough samples are effective and their moments have settled, at the latest after four times as
-/// many as asked for.
+/// Samples the posterior in stages. The proposal is a mixture of Student t about the peaks and
+/// along their ridges (`ridges`, also peaks) and of the scored grid's cells. Each cell is drawn
+/// about as often as the filter's score says that the posterior lives there. The points are those
+/// of a sequence that fills space evenly. After each stage the mixture gets two more Student t, one
+/// with the samples' own moments and one about the heaviest sample (incremental mixture importance
+/// sampling), and its shares are adapted (population Monte Carlo). All samples are weighted by the
+/// density of the whole mixture, so that every stage counts. Sampling stops when enough samples are
+/// effective and their moments have settled, at the latest after four times as many as asked for.
 PosteriorSamples sample_posterior(const PoseObjective& objective, const SampleLights& lights,
                                   const std::vector<Peak>& peaks, const std::vector<Peak>& ridges,
                                   const std::vector<const Refined*>& optima, const Scored& scored,

@@ -9,21 +9,21 @@
 namespace blindcorner {
 namespace {
 
-/// Optima closer than this share of the grid's spacing along every unknown are one. Spacings are
-/// about the pose's uncertainty at moderate light, and descents end a small share of that apart: by
-/// judgement between that share and one.
+/// Optima closer than this share of the grid's spacing along every unknown are one. A spacing is
+/// about the pose's uncertainty at moderate light, and descents to the same optimum end a small
+/// share of a spacing apart. By judgement between that share and one.
 constexpr double kSamePlace = 0.25;
 /// Standard deviations within which an optimum belongs to a better one: two equal Gaussians have
 /// one summit until they are two standard deviations apart.
 constexpr double kMergeDistance = 1.0;
-/// Modes are apart when the way between them falls this far in log posterior below the lower one:
-/// as far as one Gaussian falls 1.4 standard deviations from its summit. By judgement: a shallower
-/// valley is filled by the samples of either.
+/// Two modes are apart when the log posterior on the way between them falls this far below the
+/// lower one: as far as a Gaussian falls at 1.4 standard deviations from its summit. By judgement:
+/// a shallower valley is filled by the samples of either mode.
 constexpr double kValley = 1.0;
 /// Places that are looked at on the way from one optimum to another, the likeliest valley first.
 constexpr std::array kPlaces{0.5, 0.25, 0.75};
-/// Groups that an optimum is compared with: it bounds the time, and the posterior of a capture
-/// rarely has more.
+/// Most groups that an optimum is compared with. The limit bounds the time, and the posterior of a
+/// capture rarely has more groups.
 constexpr std::size_t kMaxGroups = 6;
 
 }  // namespace
@@ -61,8 +61,9 @@ bool within_better(const Scene& scene, const std::vector<Peak>& better, const Po
 std::vector<std::size_t> connect(const PoseObjective& objective,
                                  const std::vector<const Refined*>& optima, double inflation) {
   const CompiledScene& compiled = objective.compiled();
-  // What samples are weighed with. Closed-form light that is corrected at one end is not right at
-  // the other: its slopes, a noise where nothing depends on an unknown, would dig valleys.
+  // The light that samples are weighed with. Closed-form light that is corrected at one end is
+  // wrong at the other: where the light does not depend on an unknown, its slopes are noise and
+  // would dig valleys.
   const LightSource light =
       compiled.spline ? LightSource(*compiled.spline) : LightSource(objective.rough_models());
   const auto value = [&](const Refined& near, const PoseVector& pose) {

@@ -17,13 +17,12 @@
 namespace blindcorner {
 namespace {
 
-/// An unknown is called undetermined when its posterior keeps this share of the prior's width: less
-/// than a third of a bit was learned about it (log2 of 0.8 is -0.32).
+/// An unknown is called undetermined when its posterior keeps more than this share of the prior's
+/// width: less than a third of a bit was learned about it (log2 of 0.8 is -0.32).
 constexpr double kUndetermined = 0.8;
-/// Ratio of a fall to the Gaussian's (FallRatios) from which a ridge is taken to bend. Of an
-/// oblique floor's plate (10,000 photons), whose samples missed half of the ridge, it is 3 to 25;
-/// of the frames of the street and of both TMF8828 scenes that were looked at (some twenty) at
-/// most 1.9.
+/// Ratio of a fall to the Gaussian's (FallRatios) above which a ridge is taken to bend. It is 3 to
+/// 25 for a plate over an oblique floor (10,000 photons) where samples missed half of the ridge. In
+/// some twenty frames of the street and of both TMF8828 scenes it is at most 1.9.
 constexpr double kBent = 2;
 /// A mode with less than exp(-7) = 0.1 % of the evidence need not follow Laplace.
 constexpr double kMinorEvidence = 7.0;
@@ -54,15 +53,16 @@ Peak make_peak(const PoseObjective& objective, const Refined& optimum, const Mov
   return peak;
 }
 
-/// Fall of the log posterior along each principal axis of a peak over that of its Gaussian, at the
-/// points of kAway; NaN outside of the prior.
+/// Fall of the log posterior along each principal axis of a peak, divided by that of the peak's
+/// Gaussian, at the points of kAway. NaN outside the prior.
 struct AxisFalls {
   Eigen::MatrixXd axes;            ///< [n, n] one standard deviation each, as columns
   std::vector<FallRatios> ratios;  ///< [n]
-  /// All within the factor; where the near points are not, no farther ones are looked at.
+  /// Whether the falls agree with the Gaussian's. The far points are evaluated only if the near
+  /// ones agree.
   bool gaussian = false;
 
-  /// Whether the posterior leaves the Gaussian's axes: along a ridge that bends it falls faster.
+  /// Whether the posterior bends away from the Gaussian's axes: it then falls faster along them.
   bool bent() const {
     return std::ranges::any_of(ratios, [](const auto& of_axis) {
       return std::ranges::any_of(of_axis, [](double ratio) { return ratio > kBent; });
@@ -106,9 +106,9 @@ AxisFalls axis_falls(const PoseObjective& objective, const Refined& optimum, con
   return falls;
 }
 
-/// The peak with the moments and the evidence of a posterior that falls along each principal axis
-/// as it was found to, and is the product of these. What bends away from the axes is not seen so.
-/// Root and determinant stay the Gaussian's.
+/// The peak with the moments and the evidence of a posterior that is the product of its measured
+/// falls along the principal axes. What bends away from the axes is not seen in this way. The root
+/// and the determinant stay those of the Gaussian.
 Peak corrected_laplace(const Scene& scene, const Refined& optimum, const Peak& peak,
                        const AxisFalls& falls) {
   Peak corrected = peak;
@@ -131,16 +131,18 @@ double best_evidence(const std::vector<Peak>& peaks) {
   return best;
 }
 
-/// What samples about each peak are evaluated with: the rough models, corrected by what they lack
-/// of better ones there, or the spline where it agrees with these about the peaks' shapes and their
-/// differences. Closed form, which leads descents, would be a third of the work, but of curved
-/// ridges it sees one end: where it agreed within half a log unit at a standard deviation, a fifth
-/// of an oblique floor's posteriors at 100,000 photons lacked the truth by up to six of theirs.
+/// Light that samples about each peak are evaluated with: that of the rough models, corrected by
+/// what it lacks, at the peak, of the better models' light. The spline is used instead where it
+/// agrees with that light about the peaks' shapes and their differences in height. Closed-form
+/// light, which leads descents, would be a third of the work, but it sees only one end of curved
+/// ridges. Where it agreed within half a log unit at one standard deviation, a fifth of the
+/// posteriors of an oblique floor at 100,000 photons lacked the truth by up to six of their
+/// standard deviations.
 SampleLights sample_lights(const PoseObjective& objective,
                            const std::vector<const Refined*>& optima,
                            const std::vector<Peak>& peaks, double inflation) {
-  // What a Gaussian falls by within one standard deviation of its peak, and where it has fallen by
-  // 12.5, as far as what is negligible.
+  // What a Gaussian's logarithm falls by within one standard deviation of its peak, and the
+  // distance at which it has fallen by 12.5, about as far as what is negligible.
   constexpr double kAgreement = 0.5;
   constexpr double kReach = 5;
   const CompiledScene& compiled = objective.compiled();
@@ -183,7 +185,7 @@ SampleLights sample_lights(const PoseObjective& objective,
   return lights;
 }
 
-/// Components along the ridges of the peaks that bend, side by side.
+/// Components along the ridges of the peaks that bend. The peaks are followed in parallel.
 std::vector<Peak> all_ridges(const PoseObjective& objective, const SampleLights& lights,
                              const std::vector<const Refined*>& optima,
                              const std::vector<Peak>& peaks, const std::vector<bool>& bent,
@@ -338,11 +340,11 @@ Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& 
     const auto n = static_cast<double>(mean.size());
     if (effective > 2 * (n + 2)) {
       moments(scene, own, peaks[j].center, mean, covariance);
-      // The samples' mean is off by a share 1 / N of the covariance, and the inverse of theirs, a
-      // Wishart matrix of N - 1 degrees of freedom over N, too large by N / (N - n - 2) in the
-      // mean.
+      // The squared error of the samples' mean is 1 / N of the covariance. The samples' covariance
+      // is a Wishart matrix of N - 1 degrees of freedom over N, and its inverse is too large by N
+      // / (N - n - 2) on average.
       covariance *= (effective + 1) / (effective - n - 2);
-      // Samples on top of each other leave a per cent of Laplace's width.
+      // Even coinciding samples leave a per cent of Laplace's width.
       covariance += 1e-4 * peaks[j].covariance;
     }
     if (weight > std::exp(-options.negligible)) add_mode(j, weight, mean, covariance);

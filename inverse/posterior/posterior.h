@@ -12,12 +12,12 @@
 
 namespace blindcorner {
 
-/// Weight of the heaviest mode below which a result is called multimodal, by judgement: the others
-/// hold the truth once in ten captures or more.
+/// Weight of the heaviest mode below which a result is called multimodal. By judgement: the other
+/// modes then hold the truth in one of ten captures or more.
 inline constexpr double kOneMode = 0.9;
 
-/// Mean and covariance of a mixture from its modes, whose weights sum to one; circular unknowns
-/// are unrolled about the first mode.
+/// Sets the mean and covariance of a mixture from its modes, whose weights sum to one. Circular
+/// unknowns are unrolled about the first mode.
 void set_moments(const Scene& scene, PoseMixture& mixture);
 
 struct PosteriorOptions {
@@ -28,7 +28,7 @@ struct PosteriorOptions {
   double inflation = 1.0;  ///< of covariances and of the information, from the goodness of fit
   std::uint64_t seed = 1;
   Eigen::MatrixXd model_error;  ///< [n, n] added to modes' covariances; empty: none
-  /// As FitRule says.
+  /// Whether the rules of these names apply, see FitRule.
   bool along_axis = true, ridges = true, local_light = true;
 };
 
@@ -40,10 +40,11 @@ struct Posterior {
 };
 
 /// Modes with weights, means and covariances from refined optima (best first, duplicates merged).
-/// Laplace's approximation, its moments corrected by the posterior at the sigma points, is kept
-/// where that agrees with it; elsewhere (bounds, flat directions, skew, overlapping modes) the
-/// posterior is sampled. Optima with no valley between them are one mode. Without `scored`, Laplace
-/// everywhere, one mode each.
+/// Laplace's approximation is kept where the posterior agrees with it at the sigma points of all
+/// modes that matter. Their moments are then corrected by the posterior at these points. Otherwise
+/// (bounds, flat directions, skew, overlapping modes) the posterior is sampled, and optima with no
+/// valley between them become one mode. Without `scored`, Laplace's approximation is used
+/// everywhere, and each optimum is a mode.
 Posterior posterior(const PoseObjective& objective, const std::vector<Refined>& optima,
                     const Scored* scored, const MovedModels* moved,
                     const PosteriorOptions& options);

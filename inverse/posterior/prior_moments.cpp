@@ -14,8 +14,9 @@ PriorMoments prior_moments(const Scene& scene, std::size_t index) {
   const double range = period > 0 ? period : unknown.range();
   const PriorMoments even{0.5 * (unknown.lower + unknown.upper), range * range / 12};
   if (!unknown.prior) return even;
-  // Midpoint rule over what a normal prior leaves of the range: eight standard deviations hold all
-  // but 1e-15 of it, and 400 steps of at most a 25th of one are exact to far below a per mille.
+  // Midpoint rule over the part of the range within eight standard deviations of the normal prior,
+  // which hold all but 1e-15 of it. Its 400 steps are at most a 25th of a standard deviation long
+  // and exact to far below a per mille.
   constexpr int kSteps = 400;
   const auto [center, sigma] = *unknown.prior;
   const double low = std::max(unknown.lower, center - 8 * sigma);

@@ -11,8 +11,9 @@ struct PriorMoments {
   double variance = 0;  ///< of the same unit, squared
 };
 
-/// Moments of an unknown's prior: even over its range (a circle: over one period), times the normal
-/// one if given. Of all normal densities the one with these moments is closest to the prior.
+/// Moments of an unknown's prior: uniform over its range (on a circle, over one period), times the
+/// normal prior if there is one. Of all normal densities, the one with these moments is closest to
+/// the prior.
 PriorMoments prior_moments(const Scene& scene, std::size_t unknown);
 
 /// [n, n] Inverse variances of all unknowns' priors.

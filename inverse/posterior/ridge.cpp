@@ -14,29 +14,30 @@
 namespace blindcorner {
 namespace {
 
-/// Fall of the log target below which nothing is drawn: three standard deviations of a Gaussian.
+/// Fall of the log target beyond which nothing is drawn: that of a Gaussian at three standard
+/// deviations.
 constexpr double kRidgeFall = 4.5;
-/// Fall at which a ridge ends. Between two places of an oblique floor's plate that are as likely
-/// (10,000 photons) it falls by 5 to 8 and rises again.
+/// Fall at which a ridge ends. Between two equally likely places of a plate over an oblique floor
+/// (10,000 photons), the log target falls by 5 to 8 and rises again.
 constexpr double kRidgeEnd = 10;
-/// Axes that are followed: at least this long in units of the longest. Shorter ones leave the
-/// sampler's Student t less to miss. By judgement, as is their number: each costs two walks.
+/// Least length of an axis that is followed, relative to the longest axis. Along shorter axes, the
+/// sampler's Student t misses less. By judgement, as is the number of axes: each costs two walks.
 constexpr double kLongAxis = 0.5;
 constexpr std::size_t kMaxAxes = 2;
-/// Steps across the ridge at a place, by judgement; and the way across, in standard deviations,
-/// below which the next step along the ridge may be twice as long: the shortest that is climbed at
-/// once.
+/// Most steps across the ridge at a place, by judgement. If the way across is shorter than
+/// kStraight, in standard deviations, the next step along the ridge may be twice as long: climb()
+/// takes no shorter step at first.
 constexpr int kMaxCorrections = 3;
 constexpr double kStraight = 0.4;
-/// Steps along the ridge, standard deviations of the peak. A component is as long as the step that
-/// leads to it, so that neighbours overlap. By judgement: longer steps pass bends by.
+/// Steps along the ridge, in standard deviations of the peak. A component is as long as the step
+/// that leads to it, so that neighbours overlap. By judgement: longer steps miss bends.
 constexpr double kFirstStep = 1, kShortestStep = 0.2, kLongestStep = 2;
-/// Steps to one side, by judgement. A ridge whose end is not reached by then, up to 20 standard
-/// deviations away, is drawn from by what samples learn.
+/// Most steps to one side, by judgement: they reach up to 20 standard deviations. Where a ridge
+/// goes on, the sampler's learned components draw from the rest.
 constexpr int kMaxSteps = 10;
 
-/// Principal axes of a peak, one standard deviation long, as columns, longest first: principal in
-/// units of the prior's widths, so that metres and radians compare.
+/// Principal axes of a peak as columns, one standard deviation long, longest first. They are
+/// principal in units of the prior's widths, so that metres and radians compare.
 struct Axes {
   Eigen::MatrixXd columns;
   Eigen::VectorXd lengths;  ///< in units of the prior's widths

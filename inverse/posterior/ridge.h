@@ -9,13 +9,13 @@
 
 namespace blindcorner {
 
-/// Gaussians along the ridges that pass through a peak, apart from the peak's own: the principal
-/// axes that are nearly as long as the longest (in units of the prior's widths) are followed to
-/// both sides by a predictor along the ridge and a corrector across it, until the log target has
-/// fallen by ten, or the prior ends; a ridge may fall and rise again before. A component has the
-/// peak's widths across the ridge and the distance to its neighbour along it, and Laplace's
-/// evidence with these; where nothing is to be drawn there is none. Of a Gaussian posterior of n
-/// unknowns it takes some 6 (n + 1) evaluations. The target is asked from several threads.
+/// Gaussians along the ridges that pass through a peak, without the peak's own. The longest
+/// principal axes (in units of the prior's widths) are followed to both sides by a predictor along
+/// the ridge and a corrector across it, until the log target has fallen by ten or the prior ends.
+/// Before that, a ridge may fall and rise again. A component has the peak's widths across the
+/// ridge, the distance to its neighbour as its width along the ridge, and Laplace's evidence with
+/// these. There is no component where the target is too low for samples. For a Gaussian posterior
+/// of n unknowns this takes some 6 (n + 1) evaluations. `target` is called from several threads.
 std::vector<Peak> ridge_components(const Scene& scene, const Peak& peak, const LogTarget& target);
 
 }  // namespace blindcorner

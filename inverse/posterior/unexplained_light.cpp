@@ -14,22 +14,24 @@
 namespace blindcorner {
 namespace {
 
-/// Places whose light is looked for. Sixteen tell as much as 144: a pulse in a few zones has some
-/// six degrees of freedom.
+/// Number of places whose light is looked for. Sixteen tell as much as 144: a pulse in a few zones
+/// has some six degrees of freedom.
 constexpr std::size_t kLookedFor = 24;
-/// The fraction of the golden ratio: the places that its multiples choose are spread evenly.
+/// Fractional part of the golden ratio. Its multiples, modulo one, choose places that are spread
+/// evenly.
 constexpr double kGolden = 0.61803398874989485;
-/// A place whose light the fitted unknowns explain but for this share, a hundredth in amplitude, is
-/// not looked at: errors of differences are of that order.
+/// A direction is not tested if the fitted unknowns explain all but this share of its light, a
+/// hundredth in amplitude: errors of differences are of that order.
 constexpr double kMinUnexplained = 1e-4;
-/// Of an object's size, up and down. By judgement: what is looked for is the direction alone, which
-/// is that of all sizes about as far off.
+/// Relative step of an object's size, up and down. By judgement: only the direction of the change
+/// in light matters, and it is the same for all sizes that are about as far off.
 constexpr double kSizeStep = 0.1;
-/// Errors of the static background go together over at most so many bins and zones: 15
-/// (robot_corridor), 36 (tmf8828_wall), 40 (street_corner), as StaticBackgroundModel measures it.
+/// Most bins and zones over which errors of the static background go together, as
+/// StaticBackgroundModel measures it: 15 (robot_corridor), 36 (tmf8828_wall), 40 (street_corner).
 constexpr double kMaxTogether = 40;
 
-/// [rows, places] Light of scored poses all over the search region; of several objects, each one's.
+/// [rows, places] Light of scored poses all over the search region. If there are several objects,
+/// each pose has one of them alone.
 Eigen::MatrixXd light_of_places(const CompiledScene& compiled, int rows) {
   std::vector<const Templates*> sets;
   for (const CompiledScene::ObjectGrid& object : compiled.objects()) {
@@ -54,8 +56,8 @@ Eigen::MatrixXd light_of_places(const CompiledScene& compiled, int rows) {
   return light;
 }
 
-/// [rows, objects] What closed-form light gains where an object of known size grows; none without
-/// such light.
+/// [rows, objects] What closed-form light gains if an object of known size grows. No columns
+/// without such light.
 Eigen::MatrixXd light_of_size(const PoseObjective& objective, const PoseVector& pose) {
   const CompiledScene& compiled = objective.compiled();
   const Scene& scene = compiled.scene;
@@ -88,8 +90,9 @@ Eigen::MatrixXd light_of_size(const PoseObjective& objective, const PoseVector& 
   return gain;
 }
 
-/// [directions] What the static background's own error, which goes together from bin to bin, adds
-/// to the variance of each score: a factor. Weights take it for bins that err by themselves.
+/// [directions] Factor on the variance of each score for the static background's own error. The
+/// error goes together from bin to bin, but the likelihood's weights treat the bins' errors as
+/// independent.
 Eigen::VectorXd spread_of(const PoseObjective& objective, const ShapeBuffer& at,
                           const LinearSolution& linear, const Eigen::MatrixXd& light) {
   const LinearSolver& solver = objective.solver();
@@ -149,7 +152,7 @@ UnexplainedLight unexplained_light(const PoseObjective& objective, const Refined
   const Eigen::MatrixXd size = light_of_size(objective, optimum.pose);
   const Eigen::MatrixXd slope =
       optimum.slope.size() > 0 ? optimum.slope : light_slope(objective, source, optimum.pose);
-  // Columns: the directions; pose and, where all zones share it, brightness.
+  // Columns: the directions, the pose and, where all zones share it, the brightness.
   const bool shared = objective.solver().unknowns().amplitude == LinearMode::shared;
   const Eigen::Index k = places.cols() + size.cols(), n = slope.cols() + (shared ? 1 : 0);
   Eigen::MatrixXd columns(objective.rows(), k + n);

@@ -12,28 +12,30 @@
 namespace blindcorner {
 namespace {
 
-/// Places that descents start from: by judgement, each costs some thirty evaluations of the model.
+/// Number of places from which descents start. By judgement: each descent costs some thirty
+/// evaluations of the model.
 constexpr std::size_t kStarts = 6;
-/// Yaws from which the best optimum is looked for anew: 45 degrees apart where half a turn brings
-/// an object back to itself. A box in the street at 3,000, 10,000 and 30,000 photons (60 captures
-/// each): normalised error 1.16, 2.63, 3.19 without, 1.12, 1.02, 1.03 with them, for half as much
-/// time again. Six yaws give no more. On a wall, where closed form leads well, 1000 captures of all
-/// levels of light had a mean squared normalised error of 1.12, and 1.05 with them, for a tenth
-/// more time.
+/// Number of yaws from which a better optimum is searched for, the best optimum's own included.
+/// They are 45 degrees apart where half a turn brings an object back to itself. For a box in the
+/// street at 3,000, 10,000 and 30,000 photons (60 captures each), the normalised error is 1.16,
+/// 2.63, 3.19 without the turns and 1.12, 1.02, 1.03 with them, for half as much time again. Six
+/// yaws give no better result. On a wall, where closed form leads well, 1000 captures of all levels
+/// of light have a mean squared normalised error of 1.12 without them and of 1.05 with them, for a
+/// tenth more time.
 constexpr int kYaws = 4;
-/// Times that the best optimum is looked for anew: turned, or, of several objects, one's place
-/// while the others stay.
+/// Most rounds of look_elsewhere(), each of which starts from the best optimum at that time.
 constexpr int kMaxRounds = 3;
-/// Places of each object that are followed. Closed form is some per cent off, more than the noise
-/// of bright light, so that it ranks places badly: of two spheres at 100,000 photons the place that
-/// led to the optimum was the fourth to eighth. With two places 4 of 120 captures ended 0.2 m off,
-/// sure of it, with eight none, for 3 % more time (35 % at 1,000 photons).
+/// Number of places of each object from which look_elsewhere() descends. Closed form is off by some
+/// per cent, which is more than the noise of bright light, so that it ranks places badly. For two
+/// spheres at 100,000 photons, the place that led to the optimum ranked fourth to eighth. With two
+/// places, 4 of 120 captures ended 0.2 m off and were sure of it. With eight places none did. This
+/// takes 3 % more time (35 % at 1,000 photons).
 constexpr std::size_t kPlacesEach = 8;
 
-/// Other yaws of an optimum, between which the range of yaws or the circle is divided. The rest of
-/// the pose follows first: turned where it stands, an object is worse whatever its yaw, and
-/// descents led a box in the street (10,000 photons) back in 2 of 120 captures, sure of a yaw that
-/// is off by 64 degrees.
+/// Adds starts at other yaws of an optimum, spaced evenly over the range of yaws or the circle. The
+/// rest of the pose follows before the yaw moves: an object that is turned where it stands fits
+/// worse, whatever its yaw. Without that rule, descents led a box in the street (10,000 photons)
+/// back in 2 of 120 captures, which were sure of a yaw that is off by 64 degrees.
 void add_turned(const Scene& scene, const PoseVector& pose, std::vector<Start>& starts) {
   for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
     const Unknown& unknown = scene.unknowns[k];
@@ -93,7 +95,8 @@ std::vector<Refined> with_basins(const PoseObjective& objective, std::vector<Ref
     std::ranges::move(basins, std::back_inserter(optima));
     return merge(compiled, std::move(optima), negligible);
   }
-  // What a spline or a cheap model says of a basin may be off by half of what is negligible.
+  // The log posterior of a basin on a spline or a cheap model may be off by half of what is
+  // negligible.
   std::vector<PoseVector> places;
   basins = merge(compiled, std::move(basins), 1.5 * negligible);
   for (const Refined& basin : basins) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// From scored poses to optima: where descents start, the basins that they end in, and where else a
-/// better one may be.
+/// From scored poses to optima: where descents start, in which basins they end, and where else a
+/// better optimum may be.
 #pragma once
 
 #include <span>
@@ -12,22 +12,24 @@
 
 namespace blindcorner {
 
-/// Every pose on the grid, with the log posterior in the whole search region. Those of the part
-/// near the relay come on top, where `near` is one.
+/// Scores every pose on the grid. `near`, unless null, is the part of the search region near the
+/// relay. The starts that score() finds there are added to the starts, with their log posteriors in
+/// the whole region.
 Scored score_all(const PoseObjective& whole, const LinearSolution& without,
                  const CompiledScene* near, std::span<const Capture> captures,
                  const FitOptions& options);
 
-/// Where descents start: closed form chooses the poses that the models look at, and these the
-/// starts.
+/// Chooses where descents start: at the best of the poses that closed form has chosen and the
+/// models have evaluated. Without closed form, descents start from all of `scored.starts`.
 std::vector<Start> choose_starts(const PoseObjective& objective, const Scored& scored);
 
-/// Optima of the basins that approach() ended in, and `optima`, best first.
+/// `optima`, and the optima of the basins in which approach() ended, best first.
 std::vector<Refined> with_basins(const PoseObjective& objective, std::vector<Refined> basins,
                                  double negligible, std::vector<Refined> optima);
 
-/// Looks for a better optimum than the best one where few descents end by themselves, until there
-/// is none: turned, and, of several objects, at another place of one while the others stay.
+/// Searches for a better optimum where few descents end by themselves: at other yaws of the best
+/// one and, with several objects, at other places of one object while the others stay. Repeats this
+/// until there is no better one, for at most kMaxRounds rounds.
 std::vector<Refined> look_elsewhere(const PoseObjective& objective, const FitOptions& options,
                                     double negligible, std::vector<Refined> optima);
 

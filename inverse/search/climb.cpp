@@ -9,16 +9,16 @@
 namespace blindcorner {
 namespace {
 
-/// Where slopes are asked, standard deviations: half of one tells a slope from the curvature that
-/// is taken for the Gaussian's.
+/// Distance over which slopes are measured, standard deviations. Over half of one, a slope can be
+/// told from the curvature, which is taken to be the Gaussian's.
 constexpr double kProbe = 0.5;
-/// Farthest that one step goes, and shortest that is worth one, standard deviations: a Gaussian has
-/// fallen to 14 % at the one, and to 92 % at the other. By judgement.
+/// Longest step, and shortest step that is worth taking, standard deviations. A Gaussian has fallen
+/// to 14 % at the longest and to 92 % at the shortest. By judgement.
 constexpr double kFarthest = 2, kNearest = 0.4;
-/// Of a step that goes down: they make the farthest one shorter than what is worth one.
+/// Most halvings of a step that goes down. They make the longest step shorter than kNearest.
 constexpr int kHalvings = 3;
-/// Least curvature along a step that is learned from, in units of the Gaussian's: a place where the
-/// target is ten times as wide is no maximum of its own. By judgement.
+/// Least curvature along a step that updates the inverse curvature, in units of the Gaussian's. A
+/// place where the target is ten times as wide is no maximum of its own. By judgement.
 constexpr double kMinCurvature = 1e-2;
 
 /// Slopes of the log target, per standard deviation.
@@ -37,7 +37,7 @@ Eigen::VectorXd slope_along(const Eigen::MatrixXd& directions, const LogTarget& 
   return slope;
 }
 
-/// `fall` is how the slope fell along `step`.
+/// Updates the inverse curvature. `fall` is the decrease of the slope along `step`.
 void learn(const Eigen::VectorXd& step, const Eigen::VectorXd& fall, Eigen::MatrixXd& inverse) {
   const double curvature = step.dot(fall);
   if (!(curvature > kMinCurvature * step.squaredNorm())) return;  // no maximum there

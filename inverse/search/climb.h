@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Maximising a log posterior along some directions of the pose, the others held.
+/// Maximises a log posterior along some directions of the pose. The other directions are held.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,10 +18,11 @@ struct Climbed {
   double moved = 0;  ///< length of all steps, standard deviations
 };
 
-/// The highest place that is reached from a pose of finite target along `directions` [n, m], each
-/// one standard deviation long, by at most so many quasi-Newton steps (Broyden, Fletcher, Goldfarb,
-/// Shanno) from slopes that are one-sided differences. `inverse` [m, m]: of the curvature, in units
-/// of the directions; identity says that they are right, and what is learned is left in it.
+/// Climbs from a pose with a finite target along `directions` [n, m], each one standard deviation
+/// long, and returns the highest place that it reaches. It takes at most `steps` quasi-Newton steps
+/// (Broyden, Fletcher, Goldfarb, Shanno); slopes are one-sided differences. `inverse` [m, m] is the
+/// inverse curvature in units of the directions: the identity says that these are right. The steps
+/// update it.
 Climbed climb(Climbed from, const Eigen::MatrixXd& directions, const LogTarget& target, int steps,
               Eigen::MatrixXd& inverse);
 

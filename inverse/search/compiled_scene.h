@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What a fit needs and no capture changes: models for the sensor placements, the bins that
+/// The parts of a fit that no capture changes: models for the sensor placements, the bins that
 /// matter, and the scored poses with their expected histograms.
 #pragma once
 
@@ -26,22 +26,24 @@ using ModelSet = std::vector<std::unique_ptr<ForwardModel>>;  // [captures]
 
 class SceneKnowledge;
 
-/// Tolerance of the models that search, which is that of the first level of exactness; further
-/// levels follow from the capture. A search with 4 % found no better poses and took longer.
+/// Tolerance of the models of the search, which are the first level of exactness. Whether further
+/// levels are used follows from the capture. A search with 4 % found no better poses and took
+/// longer.
 inline constexpr double kFirstTolerance = 0.1;
 
-/// Levels of exactness that a fit may go through: light of the last is 0.2 to 0.3 % off at most
-/// (kMatt and kLobes in sharpen.cpp), of the order of the noise of a million photons, 0.1 %.
+/// Number of levels of exactness that a fit may go through. The light of the last level is at most
+/// 0.2 to 0.3 % off (kMatt and kLobes in sharpen.cpp). This is of the order of the noise of a
+/// million photons, 0.1 %.
 inline constexpr int kModelLevels = 4;
-/// Their tolerances, of matt objects.
+/// Tolerances of the levels for matt objects.
 inline constexpr std::array<double, kModelLevels> kLevelTolerance{kFirstTolerance, 0.03, 0.01,
                                                                   0.001};
 
-/// The static background inside the gates, rows as in Observation::zones, counts of one exposure;
-/// all empty where there is none.
+/// The static background inside the gates, rows as in Observation::zones, counts of one exposure.
+/// Both vectors are empty where there is no background.
 struct GatedBackground {
   std::vector<double> light;
-  std::vector<double> error;  ///< standard deviation of the model's own error in that
+  std::vector<double> error;  ///< standard deviation of the model's own error in `light`
 };
 
 struct CompiledScene {
@@ -52,8 +54,8 @@ struct CompiledScene {
   /// Closed-form models [captures] that score poses where there is no spline; none for measured
   /// laws.
   std::vector<CoarseModel> coarse;
-  /// Extra pulse widths (s), wide first: the scored poses' and, on the ladder, those on the way
-  /// from them to an optimum.
+  /// Extra pulse widths (s), the widest first. The scored poses have the first one. On the ladder,
+  /// the others are those on the way from the scored poses to an optimum.
   std::vector<double> widths;
   std::vector<std::vector<TimeGate>> gates;  ///< [captures][zones]
   double pulse_path = 0.0;        ///< m, standard deviation of pulse and bin as optical path
@@ -63,21 +65,23 @@ struct CompiledScene {
   std::vector<PoseVector> poses;  ///< scored poses, last unknown fastest
   std::vector<float> log_prior;   ///< [poses] log density of their prior
   /// gain * S inside the gates, one column per scored pose, rows as in Observation::zones.
-  /// Closed-form ones are rendered when somebody asks: a frame that is tracked does not. Thread
-  /// safe.
+  /// Closed-form ones are rendered when they are first asked for; tracked frames do not need them.
+  /// Thread safe.
   const Templates& templates() const { return rendered().templates; }
-  /// Of several objects, each one's light by itself, closed form; empty: one object.
+  /// With several objects, the light of each one alone, in closed form. With one object, empty.
   struct ObjectGrid {
     std::vector<PoseVector> poses;  ///< of this object's unknowns, in the scene's order
     PoseVector spacing;
     Templates templates;  ///< as above
   };
   const std::vector<ObjectGrid>& objects() const { return rendered().objects; }
-  /// Between the scored poses; null where the pulse had to be widened, or the grid is too large.
+  /// Histograms between the scored poses. Null where poses are scored in closed form, the pulse had
+  /// to be widened, or the grid is too large.
   std::unique_ptr<SplineGrid> spline;
   std::vector<HistogramCube> static_background;  ///< [captures]; none where there is none
   GatedBackground background;
-  /// The same for bright captures, made when it is asked for. Thread safe.
+  /// The background for bright captures (KnownLightSampling::fine), made when it is first asked
+  /// for. Thread safe.
   const GatedBackground& fine_background() const;
 
   const ModelSet& models() const { return ladder.back(); }
@@ -90,15 +94,16 @@ struct CompiledScene {
   /// models_at(level); null where one render of them would sum over more than `most_paths` (lit
   /// times seen times object points) of pairs of lobes.
   const ModelSet* models_within(int level, double most_paths) const;
-  /// Without closed-form models only.
+  /// Cheap models with the true pulse. They exist only without closed-form models.
   const ModelSet& cheap_models() const { return ladder[ladder.size() - 2]; }
-  /// Memory that it keeps at present, bytes: tables by their size, models by an estimate. Thread
+  /// Memory in use at present, bytes. Tables count by their size, models by an estimate. Thread
   /// safe.
   std::size_t bytes() const;
 
-  /// Templates in closed form, `extra_sigma` (s) wider, of several objects at most `most_poses`
-  /// each; or these.
+  /// Asks for closed-form templates, rendered later, with pulses wider by `extra_sigma` (s). With
+  /// several objects, each object's own grid has at most `most_poses`.
   void render_later(double extra_sigma, int most_poses);
+  /// Gives templates that are rendered already.
   void set_templates(Templates templates);
 
   int unknown_count() const { return static_cast<int>(scene.unknowns.size()); }
@@ -137,22 +142,23 @@ struct GridOptions {
   bool sharp = false;  ///< histograms from the model of the wanted tolerance, not the cheap one
   bool closed_form =
       false;  ///< histograms from closed-form models: for few captures of a placement
-  /// Where the grid is too large for a spline, histograms come from closed-form models too, at so
-  /// many poses at most; 0: from the fast model, with a wider pulse.
+  /// Where the grid is too large for a spline, histograms come from closed-form models too, at this
+  /// many poses at most. 0: they come from the fast model, with a wider pulse.
   int closed_form_poses = 0;
 };
 
-/// What no sensor placement changes, found once for a scene. Thread safe.
+/// Parts that no sensor placement changes, computed once for a scene. Thread safe.
 class SceneKnowledge {
  public:
   explicit SceneKnowledge(const Scene& scene);
 
   /// Null where closed-form light does not apply: measured laws.
   const std::shared_ptr<const CoarseScene>& coarse() const { return coarse_; }
-  /// What the fast models share.
+  /// Data that the fast models share.
   const std::shared_ptr<const SceneTransport>& transport() const { return transport_; }
-  /// The fast model's sampling for a tolerance, found at the scene's own sensor placement; nothing
-  /// where the scene does not have one (relay points come with captures).
+  /// The fast model's sampling for a tolerance, found at the scene's own sensor placement. Nothing
+  /// for measured laws, or where the scene has no placement of its own (relay points come with
+  /// captures).
   std::optional<SamplingStep> sampling_step(double tolerance) const;
 
  private:
@@ -164,7 +170,7 @@ class SceneKnowledge {
 };
 
 /// Compiles the scene for the captures' sensor placements. Tables of exact histograms take seconds
-/// for large search regions. Without `knowledge` it is found for this call.
+/// for large search regions. Without `knowledge`, it is computed for this call.
 std::unique_ptr<CompiledScene> compile(const Scene& scene,
                                        const std::vector<SensorPlacement>& placements,
                                        const FitOptions& options, const GridOptions& grid,
@@ -180,12 +186,13 @@ PoseVector pose_difference(const Scene& scene, const PoseVector& a, const PoseVe
 bool within_spacings(const CompiledScene& compiled, const PoseVector& a, const PoseVector& b,
                      double spacings);
 
-/// Spacings within which a pose's neighbours on the grid are: any number between one and two says
-/// the same of points of the grid; a tenth is far above rounding.
+/// Poses of a grid that differ by fewer spacings than this along every unknown are neighbours. Any
+/// number between one and two gives the same neighbours; a tenth more than one is far above
+/// rounding.
 inline constexpr double kNextOnGrid = 1.1;
 
-/// Finite-difference step of an unknown from a pose, backwards where forwards leads out of the
-/// search region: a spline ends there.
+/// Finite-difference step of an unknown from a pose. It goes backwards where a forward step leads
+/// out of the search region, because a spline ends there.
 double step_within(const CompiledScene& compiled, const PoseVector& pose, Eigen::Index unknown);
 
 /// Brings circular unknowns back into [lower, lower + period).

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// How good numeric derivatives of a forward model are, by step.
+/// Errors of a forward model's numeric derivatives, by step.
 #pragma once
 
 #include <vector>
@@ -16,10 +16,10 @@ struct DerivativeErrors {
   double resolution = 0;
 };
 
-/// Central differences of the whole histogram along one unknown, against Ridders' extrapolation
-/// (Adv. Eng. Software 4, 1982) from steps of four default ones down by factors of 1.5:
-/// Richardson's, stopped where it agrees best with itself, because kinks of the model end its
-/// convergence.
+/// Compares central differences of the whole histogram along one unknown with Ridders'
+/// extrapolation (Adv. Eng. Software 4, 1982). Its steps go from four default steps down by factors
+/// of 1.5. It is Richardson's extrapolation, stopped where it agrees best with itself, because
+/// kinks of the model end its convergence.
 DerivativeErrors derivative_errors(const ForwardModel& model, const PoseVector& pose,
                                    Eigen::Index unknown, const std::vector<double>& steps,
                                    double default_step);

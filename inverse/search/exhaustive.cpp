@@ -14,10 +14,10 @@
 namespace blindcorner {
 namespace {
 
-/// Accuracy of a grid point's log posterior, whose weight is then right to a thousandth; what is
-/// refined is exact.
+/// Accuracy of a grid point's log posterior. The point's weight is then right to a thousandth.
+/// Refined poses are exact.
 constexpr double kAccuracy = 1e-3;
-/// Optima this much below the best in log posterior do not matter: as the fit's
+/// Optima this far below the best one, in log posterior, do not matter. As in the fit
 /// (FitOptions::negligible_log_posterior).
 constexpr double kNegligible = 12;
 
@@ -79,7 +79,7 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
   const Observation observation = impl_->observe_one(capture);
   const PoseObjective objective(compiled, observation);
 
-  // Every pose of the grid. Neighbours warm-start each other.
+  // Evaluate every pose of the grid. Each starts from the linear unknowns of the one before.
   const int count = static_cast<int>(compiled.poses.size());
   std::vector<PoseValue> values(compiled.poses.size());
   std::vector<int> order(compiled.poses.size());
@@ -92,7 +92,7 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
     top = std::max(top, values[k].log_integrand);
   }
 
-  // Refine the best separated ones and whatever else was asked for.
+  // Choose the best grid points that are no neighbours.
   std::sort(order.begin(), order.end(), [&](int a, int b) {
     const double x = values[static_cast<std::size_t>(a)].log_posterior;
     const double y = values[static_cast<std::size_t>(b)].log_posterior;
@@ -109,7 +109,7 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
     });
     if (!close) chosen.push_back({pose});
   }
-  // As the fit does, on the cheap model first; what was asked for goes on as it is.
+  // Descend from them on the cheap model first, as the fit does. The given starts skip this.
   const std::vector<Refined> basins =
       merge(compiled, approach_all(objective, chosen), 1.5 * kNegligible);
   for (const Refined& basin : basins) starts.push_back(basin.pose);
@@ -119,7 +119,8 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
   result.log_posterior = optima.front().value.log_posterior;
   result.pose = optima.front().pose;
 
-  // The posterior's mass on the grid, shared among the optima by their own widths.
+  // Share the posterior's mass on the grid among the modes: each point belongs to the mode that is
+  // nearest in that mode's own standard deviations.
   PosteriorOptions shape;
   shape.samples = 0;
   PoseMixture mixture = posterior(objective, optima, nullptr, nullptr, shape).mixture;
@@ -138,7 +139,7 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
   for (int i = 0; i < count; ++i) {
     const auto k = static_cast<std::size_t>(i);
     const double weight = std::exp(values[k].log_integrand - top);
-    if (weight < 1e-12) continue;  // of all points together less than 1e-6 of the best one
+    if (weight < 1e-12) continue;  // all such points: less than 1e-6 of the best one
     double nearest = std::numeric_limits<double>::infinity();
     std::size_t own = 0;
     for (std::size_t j = 0; j < mixture.modes.size(); ++j) {
@@ -169,7 +170,7 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
   for (const Mass& mass : masses) total += mass.weight;
   for (std::size_t j = 0; j < masses.size(); ++j) {
     if (head[j] == j) continue;
-    // Moments about the other optimum.
+    // Add the moments about the other optimum.
     Mass& to = masses[head[j]];
     const PoseVector d =
         pose_difference(compiled.scene, mixture.modes[head[j]].optimum, mixture.modes[j].optimum);
@@ -186,8 +187,8 @@ ExhaustiveResult ExhaustiveSearch::search(const Capture& capture,
   const Mass& mass = masses[heaviest];
   if (mass.weight > 0) {
     result.heaviest.weight = mass.weight / total;
-    // Sums over a grid are good to a percent while the step is below twice the width (here
-    // below 1.7 times); what is narrower is left to Laplace's approximation.
+    // Sums over a grid are good to a per cent while the step is below twice the width (here below
+    // 1.7 times). Narrower modes are left to Laplace's approximation.
     const Eigen::VectorXd width = precision[heaviest].diagonal().array().rsqrt();
     if ((width.array() > 0.6 * compiled.spacing.array()).all()) {
       const PoseVector shift = mass.first / mass.weight;

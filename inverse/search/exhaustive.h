@@ -14,17 +14,18 @@ namespace blindcorner {
 
 struct ExhaustiveOptions {
   double model_tolerance = 0.1;  ///< as FitOptions::model_tolerance: the same model is searched
-  /// Grid points per grid step of the fit, along each unknown: 1.2 / 1.6 = 0.75 of the pulse, at
-  /// which a spline would be right to 0.25 %.
+  /// Grid points per grid step of the fit, along each unknown. The spacing is 1.2 / 1.6 = 0.75 of
+  /// the pulse, at which a spline would be right to 0.25 %.
   double density = 1.6;
   int max_poses = 150'000;  ///< the density is lowered to stay below: a limit of time and memory
-  /// Best separated grid points that are refined, by judgement: more than a fit's starts.
+  /// Number of the best separated grid points that are refined. By judgement: more than a fit's
+  /// starts.
   int refined = 40;
 
   void validate() const;
 };
 
-/// What no solver can do better than.
+/// A result that no solver can improve on.
 struct ExhaustiveResult {
   double log_posterior = 0;  ///< of the best pose, linear unknowns maximised, priors included
   PoseVector pose;           ///< the best pose
@@ -39,7 +40,7 @@ class ExhaustiveSearch {
   ~ExhaustiveSearch();
   ExhaustiveSearch(ExhaustiveSearch&&) noexcept;
 
-  /// `starts` are refined as well: what another solver found, or the truth. Thread safe.
+  /// `starts` are refined as well, for example another solver's result or the truth. Thread safe.
   ExhaustiveResult search(const Capture& capture, std::vector<PoseVector> starts = {}) const;
 
   /// Log posterior of one pose. Thread safe.

@@ -16,9 +16,10 @@
 namespace blindcorner {
 namespace {
 
-/// When to stop. Tolerances are relative decreases of half the deviance, which is of the order of
-/// the number of bins (1e3): 0.1 in log likelihood to get near, 1e-2 to tell basins apart, 1e-3 at
-/// the end. Iterations are limits of the time, by judgement: more where they are cheap.
+/// When a descent stops. Tolerances are relative decreases of half the deviance, which is of the
+/// order of the number of bins (1e3). In log likelihood they are 0.1 to get near an optimum, 1e-2
+/// to tell basins apart and 1e-3 at the end. The numbers of iterations limit the time, by
+/// judgement: more where iterations are cheap.
 struct Stop {
   int iterations;
   double function_tolerance;
@@ -28,45 +29,49 @@ constexpr Stop kApproach{8, 1e-4};
 constexpr Stop kApproachCheap{40, 1e-5};
 constexpr Stop kSettle{12, 1e-6};
 constexpr Stop kPolish{25, 1e-6, true};
-/// Corrections of the spline by the model in a row: each leaves of a move the share by which the
-/// spline's derivatives are off, two its square. And the gain in log posterior that calls for
-/// another, from a move of a tenth of a standard deviation.
+/// Most corrections of the spline by the model in a row. One correction leaves of a move the share
+/// by which the spline's derivatives are off; two leave the square of that share. A gain in log
+/// posterior of kWorthCorrecting, from a move of a tenth of a standard deviation, calls for another
+/// correction.
 constexpr int kMaxCorrections = 2;
 constexpr double kWorthCorrecting = 0.005;
-/// Gain in log posterior from a move of a fifth of a standard deviation: a descent ends with a step
+/// Gain in log posterior from a move of a fifth of a standard deviation. A descent ends with a step
 /// that promises less.
 constexpr double kSmallGain = 0.02;
-/// Gain from a move of half a standard deviation: where a step by forward differences of a model
-/// promised less and failed, the light's own roughness decides, and shorter steps are not tried.
+/// Gain from a move of half a standard deviation. If a step by a model's forward differences
+/// promised less than this and failed, the cause is the roughness of the light, and shorter steps
+/// are not tried.
 constexpr double kRough = 0.1;
-/// A gain from a move of two standard deviations, over which the difference between the rough
-/// models and better ones may change; and how often that is looked up, by judgement: it bounds the
-/// time.
+/// Gain from a move of two standard deviations. Over such a move, the difference between the rough
+/// models and better ones may change, and it is computed anew. It is computed at most kMaxMoves
+/// times, by judgement, to limit the time.
 constexpr double kLargeGain = 2;
 constexpr int kMaxMoves = 3;
-/// A gain from a move on coarser pairs after which what they lack is looked up again: a move of
-/// half a standard deviation, a third of which is lacking where slopes are 28 % off.
+/// If a descent on coarser pairs gains at least this, their correction is computed anew. It is the
+/// gain of a move of half a standard deviation, a third of which is lacking where slopes are 28 %
+/// off.
 constexpr double kWorthAnotherMove = 0.1;
-/// Optima this far below the best in log posterior: where the first descent left them, within 0.1
-/// of their peaks, will do.
+/// Optima this far below the best one, in log posterior, are not settled: the first descent has
+/// left them within 0.1 of their peaks, and that is near enough.
 constexpr double kWorthSettling = 2;
-/// Places no more than this above the parabola about a better one, in log posterior, and within so
-/// many standard deviations of it, are on the slopes of its peak: a descent has ended early there,
-/// and another would end at that peak. What a Gaussian falls by within one of them, and, by
-/// judgement, as far as its parabola may be trusted: there it has fallen by 8.
+/// An optimum is on the slopes of a better one's peak if it lies within kOnSlope standard
+/// deviations of it and no more than kAboveSlope, in log posterior, above the parabola about it. A
+/// descent has ended early there, and another would end at that peak. kAboveSlope is what a
+/// Gaussian falls by within one standard deviation. kOnSlope is, by judgement, as far as the
+/// parabola may be trusted: there it has fallen by 8.
 constexpr double kAboveSlope = 0.5;
 constexpr double kOnSlope = 4;
 
-/// What the linear unknowns may lack in log posterior: the residuals then lie within
-/// sqrt(2 * kAccuracy) = 1.4e-5 of where they should be, and the Jacobian's gradient is that of the
-/// eliminated unknowns.
+/// Tolerated error of the log posterior from eliminating the linear unknowns. The residuals are
+/// then right to sqrt(2 * kAccuracy) = 1.4e-5, and the Jacobian's gradient is that of eliminated
+/// unknowns.
 constexpr double kAccuracy = 1e-10;
 
-/// Distance from a bound at which an unknown is held, against its range: far above the rounding of
-/// 1e-16, far below any uncertainty.
+/// An unknown is at a bound if its distance from the bound is below this share of its range. The
+/// share is far above the rounding of 1e-16 and far below any uncertainty.
 constexpr double kAtBound = 1e-9;
 
-/// Residuals of a pose with the linear unknowns eliminated; the light is differentiated
+/// Residuals of a pose, with the linear unknowns eliminated. The light is differentiated
 /// numerically.
 class ResidualCost final : public ceres::CostFunction {
  public:
@@ -88,7 +93,7 @@ class ResidualCost final : public ceres::CostFunction {
                 double** jacobians) const override {
     const int n = objective_.compiled().unknown_count();
     const PoseVector pose = Eigen::Map<const PoseVector>(parameters[0], n);
-    // Ceres asks for the Jacobian where it has asked for the residuals before.
+    // Ceres asks for the Jacobian at a pose whose residuals it has asked for before.
     if (pose_.size() != n || pose_ != pose) {
       compute(pose);
       pose_ = pose;
@@ -103,7 +108,7 @@ class ResidualCost final : public ceres::CostFunction {
     return true;
   }
 
-  /// Of the light, where the last one was taken; else none.
+  /// The light's slopes at `pose` if the last ones were taken there, else empty.
   Eigen::MatrixXd slope_at(const PoseVector& pose) const {
     return slope_pose_.size() == pose.size() && slope_pose_ == pose ? slope_ : Eigen::MatrixXd();
   }
@@ -142,8 +147,8 @@ class ResidualCost final : public ceres::CostFunction {
     hold_at_bounds(residuals, {first, num_residuals(), n});
   }
 
-  /// Unknowns that a descent would take over their bounds stay there: else the others' steps are
-  /// those of another problem.
+  /// Holds unknowns at their bounds if a descent would take them over these. Otherwise, the other
+  /// unknowns' steps would rely on moves that the bounds do not allow.
   void hold_at_bounds(const double* residuals, Eigen::Map<RowMajor> jacobian) const {
     const Scene& scene = objective_.compiled().scene;
     const Eigen::Map<const Eigen::VectorXd> r(residuals, jacobian.rows());
@@ -165,8 +170,9 @@ class ResidualCost final : public ceres::CostFunction {
   mutable Eigen::MatrixXd slope_;
 };
 
-/// Ends a descent at a step that promised next to nothing: Ceres would take more of them and, where
-/// one fails, shorter and shorter ones. On a light that costs nothing only where one fails.
+/// Ends a descent at a step that promised next to nothing. Ceres would take more such steps and,
+/// after one that fails, shorter and shorter ones. On a light that costs nothing, a descent ends
+/// only at such a step that fails.
 class NothingPromised final : public ceres::IterationCallback {
  public:
   explicit NothingPromised(bool dear) : dear_(dear) {}
@@ -183,15 +189,16 @@ class NothingPromised final : public ceres::IterationCallback {
   bool dear_;
 };
 
-/// Diagonal of the search region, unknowns as they are.
+/// Diagonal of the search region, each unknown in its own unit.
 double region_size(const Scene& scene) {
   double square = 0;
   for (const Unknown& unknown : scene.unknowns) square += std::pow(unknown.range(), 2);
   return std::max(std::sqrt(square), 1e-300);
 }
 
-/// Ceres on one model set, from and to `result`; an unknown may be held. `slope` becomes the
-/// light's where it ends, empty where that is not known.
+/// Runs Ceres on one light. `result` holds the start and receives the end. The unknown `held` does
+/// not move. `slope` receives the light's slopes at the end, or nothing if they are not known
+/// there.
 void minimise(const PoseObjective& objective, const LightSource& light, const Stop& stop,
               Refined& result, Eigen::MatrixXd* slope = nullptr,
               std::optional<int> held = std::nullopt) {
@@ -215,11 +222,12 @@ void minimise(const PoseObjective& objective, const LightSource& light, const St
   options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   options.max_num_iterations = stop.iterations;
   options.function_tolerance = stop.function_tolerance;
-  // So small that the function's tolerance decides, and of the search region rather than of the
-  // way from the origin: 100 km from it descents would end 1 cm early.
+  // So small that the function's tolerance decides. It is relative to the search region and not to
+  // the distance from the origin: 100 km from the origin, descents would end 1 cm early.
   options.parameter_tolerance = 1e-7 / std::max(1.0, result.pose.norm() / region_size(scene));
   options.gradient_tolerance = 1e-9;
-  // Steps over a bound end at it, and the next one is held there: no search along the way.
+  // A step over a bound ends at the bound, and the next step holds the unknown there. Neither needs
+  // a line search.
   options.max_num_line_search_step_size_iterations = 0;
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;
@@ -237,11 +245,11 @@ Refined finish(const PoseObjective& objective, const LightSource& light, Refined
   return result;
 }
 
-/// What decides near a pose: the objective's models or, where these are better ones than the rough
-/// models and cost more, the rough ones corrected by what they lack at that pose.
+/// The light that decides near a pose: that of the objective's models or, where these are finer
+/// than the rough models and cost more, that of the rough models, corrected at the pose.
 class NearbyModel {
  public:
-  /// `here`: the models' light at the pose, where that is known.
+  /// `here` is the models' light at the pose, or null if it is not known.
   NearbyModel(const PoseObjective& objective, const PoseVector& pose, const ShapeBuffer* here)
       : light_(objective.models()) {
     if (here == nullptr) {
@@ -269,7 +277,7 @@ class NearbyModel {
   LightSource light_;
 };
 
-/// The model's value at the pose, and what the cheaper light lacks there.
+/// Adds the models' value at the pose, and what the cheaper light lacks there.
 Refined finish_corrected(const PoseObjective& objective, const LightSource& cheaper,
                          Refined result) {
   wrap_pose(objective.compiled().scene, result.pose);
@@ -284,8 +292,9 @@ Refined finish_corrected(const PoseObjective& objective, const LightSource& chea
   return result;
 }
 
-/// Descends on a cheap light as the model corrects it where the last descent led, `most` times or
-/// until that gains less than `worth`. Keeps the best of these places by the model's value.
+/// Descends on a cheap light that the model corrects at the end of the last descent. Repeats this
+/// `most` times, or until a descent gains less than `worth`. Keeps the best place by the model's
+/// value.
 template <class Descend>
 Refined descend_corrected(const PoseObjective& objective, const LightSource& cheap, int most,
                           double worth, Refined start, const Descend& descend) {
@@ -301,10 +310,11 @@ Refined descend_corrected(const PoseObjective& objective, const LightSource& che
   return best;
 }
 
-/// Least squares on the model with the spline's derivatives: minimises on the spline as the model
-/// corrects it at the last pose, until that gains no more. Where it stops, J'r = 0 holds with the
-/// spline's Jacobian instead of the model's; if their columns differ by a share e, the log
-/// posterior lacks e^2 / 2 an unknown there, times the misfit (chi squared a degree of freedom).
+/// Least squares on the model with the spline's derivatives: minimises on the spline, corrected by
+/// the model at the last pose, until that gains no more. At the end, J'r = 0 holds with the
+/// spline's Jacobian instead of the model's. If their columns differ by a share e, the log
+/// posterior lacks e^2 / 2 for each unknown there, times the misfit (chi squared per degree of
+/// freedom).
 Refined polish_on_spline(const PoseObjective& objective, Refined start) {
   return descend_corrected(
       objective, *objective.compiled().spline, kMaxCorrections, kWorthCorrecting, std::move(start),
@@ -351,7 +361,7 @@ Refined approach(const PoseObjective& objective, const Start& start) {
     Refined best = descend_corrected(
         objective, *rough, kMaxMoves, kWorthAnotherMove, std::move(result),
         [&](const LightSource& light, Refined& next) { descend(light, kApproach, next); });
-    best.correction = {};  // of rough models that nobody else asks
+    best.correction = {};  // of rough models that nobody else uses
     return best;
   }
   for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {

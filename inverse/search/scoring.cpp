@@ -177,12 +177,13 @@ MatchedFilter::MatchedFilter(const PoseObjective& objective, const LinearSolutio
       weight_[row + k] = static_cast<float>(zone.weight_of(k) /
                                             std::max(noise_model.variance(level), kNoVariance));
     }
-    // Nuisance directions: the ambient light (its prior and the bins outside the gate count as
-    // well), then the direct return, made orthogonal in the weighted inner product.
+    // Nuisance directions: first the ambient light, for which its prior and the bins outside the
+    // gate count as well, then the direct return. They are orthogonal in the weighted inner
+    // product.
     const auto w = weight_.segment(row, bins);
     const auto zone_index = static_cast<Eigen::Index>(z);
     double beyond = 0;  // information about the ambient light from elsewhere
-    double slope = 0;   // of the log posterior, from there
+    double slope = 0;   // of the log posterior in the ambient light, from there
     if (unknowns.ambient == LinearMode::per_zone) {
       const double c = empty.ambient[z];
       const double weight = 1 / std::max(noise_model.variance(noise_model.lit(c)), kNoVariance);
@@ -224,7 +225,7 @@ Eigen::MatrixXf MatchedFilter::scores_of(const Templates& templates, const Eigen
   const bool shared = objective_.solver().unknowns().amplitude != LinearMode::per_zone;
   const bool nuisance = (basis_.array() != 0).any();
 
-  // Weighted counts that the nuisance does not explain, [sets, rows].
+  // Weighted counts that the nuisance directions do not explain, [sets, rows].
   const Eigen::MatrixXf weighted_basis = weight_.asDiagonal() * basis_;
   Eigen::MatrixXf residual = (counts.colwise() - mean_).transpose();
   for (std::size_t z = 0; z + 1 < zone_begin_.size() && nuisance; ++z) {
@@ -350,7 +351,7 @@ class Arranger {
     return {std::vector<int>(grids_.size(), -1), Eigen::VectorXf::Zero(objective_.rows()), 0};
   }
 
-  /// The arrangements with the object at its `most` best places, none of them next to a better one.
+  /// `from` with the object at each of its `most` best places, none of them next to a better one.
   std::vector<Arrangement> placed(Arrangement from, std::size_t object, std::size_t most) const {
     const CompiledScene::ObjectGrid& grid = grids_[object];
     if (from.place[object] >= 0) {

@@ -20,50 +20,55 @@
 namespace blindcorner {
 namespace {
 
-/// Optima this far below the best in log posterior hold less than a per cent of the posterior each:
-/// the models that found them do for them.
+/// Optima this far below the best one, in log posterior, hold less than a per cent of the posterior
+/// each. The models that found them are good enough for them.
 constexpr double kWorthSharpening = 5;
-/// Standard deviations of photon noise that a right optimum hardly ever lacks: one in 740 does.
+/// The deviance of a right optimum hardly ever exceeds its expectation by this many standard
+/// deviations of photon noise: one in 740 does.
 constexpr double kNoNoise = 3;
-/// A move of this part of a standard deviation is not worth a better model: carried in the
-/// covariance, it widens it by 2 %.
+/// A move of this part of a standard deviation is not worth a better model. Carried in the
+/// covariance, it widens a standard deviation by 2 %.
 constexpr double kSmallMove = 0.2;
-/// Part of a move that the next one comes to, at least: moves fall less than errors (light of the
-/// oblique floor at a million photons: by 0.3 to 2, half of them by less than 0.6).
+/// The next level's move is taken to be at least this part of the last one, because moves fall less
+/// than errors do (light of the oblique floor at a million photons: by a factor of 0.3 to 2, half
+/// of them by less than 0.6).
 constexpr double kLeft = 0.5;
-/// Changes of the log posterior at the optimum that are not worth a better model: what it changes
-/// there it may change elsewhere, and more: by it, a mode's weight changes by a third. By
-/// judgement.
+/// Smaller changes of the log posterior at the optimum are not worth a better model. A model that
+/// changes it there may change it by more elsewhere. A change by this much changes a mode's weight
+/// by a third. By judgement.
 constexpr double kSmallShift = 0.3;
 /// The most paths (lit times seen times object points) of pairs of lobes that one render may sum
-/// over: some .3 s, of which a fit takes ten or more. Of the street's drives, a sensor close to the
-/// turn asks for more than three times as many: the fit then takes up to minutes, and 4 s without.
+/// over. Such a render takes some 0.3 s, and a fit takes ten or more renders. In the street's
+/// drives, a sensor close to the turn needs more than three times as many paths: a fit then takes
+/// up to minutes, and 4 s without the finer model.
 constexpr double kMostPaths = 1e10;
-/// Times as much information, in some direction, as a finer model has: a standard deviation is then
-/// stated a tenth too small. Finer models take over for that up to level Levels::most_jagged, by
-/// judgement of time: a posterior's samples cost as much as their renders. On tmf8828_wall with
-/// eight times its light (600 captures) the mean squared normalised error is 1.10 without, 1.05
-/// with 1.5, 1.04 with 1.25, for a tenth more time at most.
+/// A model overstates the information about the pose if it claims this many times as much as a
+/// finer model does, in some direction. A standard deviation is then stated a tenth too small. The
+/// finer model takes over for that up to level Levels::most_jagged, by judgement of time: a
+/// posterior's samples cost as much as their renders. On tmf8828_wall with eight times its light
+/// (600 captures), the mean squared normalised error is 1.10 without this rule, 1.05 with a factor
+/// of 1.5 and 1.04 with 1.25, for a tenth more time at most.
 constexpr double kOverstated = 1.25;
-/// Times that the best optimum's shadow is looked up anew: a limit of the time, by judgement. Each
-/// time it changes by a small part of what it changed before.
+/// Most times that the best optimum's shadow is computed anew. By judgement, to limit the time:
+/// each time the shadow changes by a small part of its last change.
 constexpr int kMaxShadows = 4;
-/// Relative error (L2) of a shadow's light at the usual sampling, at most (3 % on a desk, tests).
+/// Largest relative error (L2) of a shadow's light at the usual sampling (3 % on a desk, tests).
 constexpr double kShadowError = 0.1;
-/// What the levels of one kind of material are worth.
+/// Accuracy and limits of the levels for one kind of material.
 struct Levels {
-  /// Relative error (L2) of each level's light on the shipped scenes, at most; the first level is
-  /// that of the models in use.
+  /// Largest relative error (L2) of each level's light on the shipped scenes. The first level is
+  /// CompiledScene::models().
   std::array<double, kModelLevels> errors;
-  /// Move that is carried in the covariance rather than looked for with the next level.
+  /// A move below this, in standard deviations, is carried in the covariance instead of being
+  /// computed with the next level.
   double carried;
-  int most_jagged;  ///< level up to which one takes over because the one before overstates slopes
+  int most_jagged;  ///< highest level that takes over because the one before overstates slopes
 };
 constexpr Levels kMatt{{0.06, 0.02, 0.007, 0.002}, kSmallMove, 2};
-/// A better model of a lobe sums over pairs: each level costs five to ten times as much as the one
-/// before. Optima are corrected where they stand, and end a third of a standard deviation from
-/// where the model's own derivatives lead (street corner), in a third of the time; what is carried
-/// widens the covariance by 8 % at most.
+/// A better model of a lobe sums over pairs, and each level costs five to ten times as much as the
+/// one before. The rough models' light is corrected at the optima. These then end a third of a
+/// standard deviation from where the better model's own derivatives lead (street corner), in a
+/// third of the time. The move that is carried widens a standard deviation by 8 % at most.
 constexpr Levels kLobes{{0.1, 0.02, 0.005, 0.003}, 0.4, 0};
 
 const Levels& levels_of(const Scene& scene) {
@@ -71,13 +76,13 @@ const Levels& levels_of(const Scene& scene) {
   return lobes ? kLobes : kMatt;
 }
 
-/// Covariance of a move that is as long in any direction, of this squared length in standard
-/// deviations.
+/// Covariance of a move that is equally long in any direction. `square` is its squared length in
+/// standard deviations.
 Eigen::MatrixXd in_any_direction(double square, const Eigen::MatrixXd& precision) {
   return square / static_cast<double>(precision.rows()) * precision.inverse();
 }
 
-/// Moves the optima that may matter; `here`: the models' light at the first.
+/// Moves the optima that may matter. `here` is the models' light at the first one.
 void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
                   const ShapeBuffer& here) {
   const double best = optima.front().value.log_posterior;
@@ -92,7 +97,7 @@ void sharpen_each(const PoseObjective& objective, std::vector<Refined>& optima,
   const double least = best - kWorthSharpening;
   constexpr double kAll = std::numeric_limits<double>::infinity();
   settle_those(least, kAll);
-  // What the better model does to one optimum it may do to another; and where the best one still
+  // The better model may change another optimum as much as the best one. Where the best one still
   // lacks more than photon noise explains, any other may be the right one.
   const GoodnessOfFit fit = goodness_of_fit(objective, optima.front());
   const bool lacks = fit.deviance > fit.expected + kNoNoise * fit.standard_deviation;
@@ -114,9 +119,9 @@ struct Move {
   }
 };
 
-/// Whether more information about the pose is claimed than finer models have, by kOverstated in
-/// some direction: light that jumps from cell to cell along a shadow's edge has steep slopes that
-/// are none. `finer_light` is the finer ones' at the optimum.
+/// Whether the information about the pose that is `claimed` exceeds that of the finer models by
+/// kOverstated in some direction. Light that jumps from cell to cell along a shadow's edge has
+/// steep slopes that are not real. `finer_light` is the finer models' light at the optimum.
 bool overstated(const PoseObjective& objective, const Eigen::MatrixXd& claimed,
                 const ModelSet& finer, const Refined& optimum, const ShapeBuffer& finer_light) {
   const Eigen::MatrixXd prior = prior_precision(objective.compiled().scene);
@@ -130,8 +135,8 @@ bool overstated(const PoseObjective& objective, const Eigen::MatrixXd& claimed,
   return ratio.eigenvalues().maxCoeff() > kOverstated;
 }
 
-/// A change of the static background, [rows], as one of the object's light at unit amplitude,
-/// [rows, 1], that changes the expected counts alike.
+/// The change of the object's light at unit amplitude, [rows, 1], that changes the expected counts
+/// as much as a change of the static background, [rows], does.
 Eigen::MatrixXd as_object(const PoseObjective& objective, const Refined& optimum,
                           const std::vector<double>& background) {
   Eigen::MatrixXd change = Eigen::MatrixXd::Zero(objective.rows(), 1);
@@ -168,12 +173,14 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, doubl
   for (int level = 1; level < kModelLevels; ++level) {
     const double before = levels.errors[static_cast<std::size_t>(level) - 1];
     Refined top = optima.front();
-    // Settled optima have slopes; closed form may see nothing of an object that is all but hidden.
+    // Settled optima have slopes. Others get them from the rough models: closed form may see
+    // nothing of an object that is almost hidden.
     if (top.slope.size() == 0) {
       top.slope = light_slope(objective, LightSource(objective.rough_models()), top.pose);
     }
     const PoseInformation known = pose_information(objective, top);
-    // No error of this share of the light moves anything by more than this.
+    // An error of the share `before` of the light moves nothing by more standard deviations than
+    // this.
     if (before * std::sqrt(known.signal) < kSmallMove) break;
     const ModelSet* finer = compiled.models_within(level, kMostPaths);
     if (finer == nullptr) {
@@ -195,8 +202,8 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, doubl
     error.covariance = move.by * move.by.transpose();
     LinearSolution linear = top.linear;
     const PoseValue value = objective.evaluate(then, top.pose, linear, true);
-    // What the finer model misses too, moved there, has other reasons than sampling: it widens the
-    // posterior, against which the move then counts for less.
+    // The misfit that the finer model has too, at the moved optimum, has other reasons than
+    // sampling. It widens the posterior, and against a wider posterior the move counts for less.
     const double wider =
         inflation(goodness_of_fit(objective, top), -2 * value.log_likelihood - move.square);
     const double size = std::sqrt(move.square / wider);
@@ -205,12 +212,12 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, doubl
     if (level <= levels.most_jagged && overstated(objective, move.precision, *finer, top, then)) {
       objective.use(*finer);
       objective.use_roughly(*finer);
-      for (Refined& optimum : optima) optimum.correction = {};  // of other rough models
+      for (Refined& optimum : optima) optimum.correction = {};  // belongs to other rough models
       sharpen_each(objective, optima, then);
       optima = merge(compiled, std::move(optima), negligible);
       error.covariance *= kLeft * kLeft;
       error.level = level;
-      // Levels beyond are for what moves the optimum.
+      // Further levels are only for errors that move the optimum.
       if (level == levels.most_jagged && small) break;
       continue;
     }
@@ -225,7 +232,7 @@ ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, doubl
     optima = merge(compiled, std::move(optima), negligible);
     error.covariance *= left * left;
     error.level = level;
-    // What the next one would move it, errors being alike.
+    // The move to expect from the next level is small enough, if that level's error acts alike.
     if (left * size < levels.carried) break;
   }
   return error;

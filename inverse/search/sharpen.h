@@ -10,32 +10,34 @@
 
 namespace blindcorner {
 
-/// Relative error (L2) of the light of the models of a level, at most (of the shipped scenes).
+/// Largest relative error (L2) of a level's light on the shipped scenes.
 double light_error(const Scene& scene, int level);
 
 /// What is left of the model's error.
 struct ModelError {
   Eigen::MatrixXd covariance;  ///< [n, n] of the pose
-  int level = 0;               ///< of the models that decided, CompiledScene::models_at()
-  bool too_dear = false;       ///< the next one was asked for and costs too much
+  int level = 0;               ///< level of the models that decided, CompiledScene::models_at()
+  bool too_dear = false;       ///< the next level is needed and costs too much
 };
 
-/// The sentence that says so.
+/// The hint for the user that a finer model costs too much.
 std::string too_dear_hint();
 
-/// Goes to tighter models for as long as the next one moves the best optimum by a noticeable part
-/// of its standard deviation: the objective then uses them, and the optima are moved to where they
-/// have them. Where the next one shows that the one in use says too much about the pose, it becomes
-/// the rough model as well. The covariance is that of the last move, of which a
-/// part is left to the models after it; where there are none, and that part is not small beside the
-/// photon noise, it may lead anywhere. So may all that a worse model's light may lack where the
-/// next one costs too much.
+/// Switches to finer models for as long as the next level moves the best optimum by a noticeable
+/// part of its standard deviation. The objective then uses the finer models, and the optima move to
+/// where these have them. Where the next level shows that the models in use overstate the
+/// information about the pose, it replaces the rough models as well. The returned covariance is
+/// that of the part of the last move by which further levels may still move the optimum. If there
+/// is no further level and that part is not small beside the photon noise, the covariance also
+/// allows for a move in any direction. If the next level costs too much, it allows for the whole
+/// error of the light in use, in any direction.
 ModelError sharpen(PoseObjective& objective, std::vector<Refined>& optima, double negligible);
 
-/// Lets the hidden objects stand in the way of the known scene's later bounces, where that changes
-/// the best optimum: each optimum is weighed in the shadow that it casts itself, that of the best
-/// one is taken off the background for all of them, and they are moved, until it hardly changes
-/// any more. Returns the covariance, [n, n], of what the shadow's own sampling may move.
+/// Lets the hidden objects block the known scene's later bounces, where that moves the best
+/// optimum. Each optimum is evaluated in the shadow that it casts itself. Then the best one's
+/// shadow is taken off the background for all optima, and they are moved. This is repeated until
+/// the shadow's change hardly moves the best optimum. Returns the covariance, [n, n], of the moves
+/// that the error of the shadow's own sampling may cause.
 Eigen::MatrixXd cast_shadow(PoseObjective& objective, std::vector<Refined>& optima,
                             double negligible);
 

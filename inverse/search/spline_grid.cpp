@@ -12,8 +12,9 @@
 namespace blindcorner {
 namespace {
 
-/// Values below this share of the largest one are taken as zero: the spline's ripples, which beside
-/// the light fall by 2 - sqrt(3) = 0.27 from point to point, to this within seven.
+/// Values below this share of the largest one are taken as zero. They are the spline's ripples
+/// beside the light. These fall by 2 - sqrt(3) = 0.27 from point to point, and to this share within
+/// seven points.
 constexpr float kRipple = 1e-4F;
 
 /// From values to B-spline coefficients along one axis, [coefficients, points].
@@ -37,7 +38,8 @@ Eigen::MatrixXf coefficient_matrix(const GridAxis& axis) {
   return spline.inverse().leftCols(n).cast<float>();
 }
 
-/// Coefficients that a point depends on: consecutive from `first` (modulo the size when periodic).
+/// Coefficients that a point depends on, with their weights. They are consecutive (modulo the size
+/// when periodic).
 struct Support {
   std::array<int, 4> index{};
   std::array<float, 4> weight{};

@@ -26,7 +26,8 @@ class SplineGrid {
   /// `values` is [rows, grid points], the last axis fastest.
   SplineGrid(const Eigen::MatrixXf& values, std::vector<GridAxis> axes);
 
-  /// Writes [rows] values for a pose, none below zero. Outside of the grid the end pieces go on.
+  /// Writes [rows] values for a pose, none below zero. Outside of the grid, the end pieces
+  /// continue.
   void evaluate(const PoseVector& pose, double* out) const;
 
  private:

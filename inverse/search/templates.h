@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Expected histograms of scored poses: of each zone the bins that a pose lights.
+/// Expected histograms of scored poses. Of each zone, the bins that a pose lights are kept.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,8 +26,8 @@ class Templates {
 
   Templates() = default;
   Templates(int rows, std::vector<Column> columns) : rows_(rows), columns_(std::move(columns)) {}
-  /// Of a matrix [rows, poses] whose zones begin in `zone_begin` [zones + 1]; its dark ends are
-  /// left out.
+  /// Takes a matrix [rows, poses] whose zones begin in the rows `zone_begin` [zones + 1]. The dark
+  /// ends of each zone are left out.
   Templates(const Eigen::MatrixXf& dense, std::span<const int> zone_begin);
 
   int rows() const { return rows_; }
@@ -35,7 +35,7 @@ class Templates {
   const Column& column(std::size_t pose) const { return columns_[pose]; }
   /// into += factor * column; `into` is [rows].
   void add(std::size_t pose, float factor, Eigen::VectorXf& into) const;
-  /// All counts of a column together.
+  /// Sum of the counts of a column.
   double sum(std::size_t pose) const;
   std::size_t bytes() const;
 

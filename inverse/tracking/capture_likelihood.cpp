@@ -24,36 +24,37 @@ namespace blindcorner {
 namespace {
 
 /// Fisher scoring stops when a step promises less than this in log posterior: a move of 0.06
-/// standard deviations. The numbers of steps and of halvings (to a 32nd) bound the time, by
-/// judgement.
+/// standard deviations. The number of steps, and the number of lengths tried for each (down to a
+/// 16th), bound the time, by judgement.
 constexpr double kWorthAStep = 2e-3;
 constexpr int kMaxSteps = 12;
 constexpr int kMaxHalvings = 5;
-/// A move in standard deviations that the model's own error may make. By judgement: carried as an
-/// error, it would widen a standard deviation by 4 %.
+/// Move of the optimum, in standard deviations, that the model's own error may cause. By judgement:
+/// carried as an error, it would widen a standard deviation by 4 %.
 constexpr double kSmallMove = 0.3;
-/// A move this long, in standard deviations squared, leaves the light's slopes as they were, and
-/// what a cheap light lacks: by judgement, slopes then change by a tenth.
+/// Squared length of a move, in standard deviations, over which the light's slopes and the
+/// correction of a cheap light stay valid. By judgement: slopes then change by a tenth.
 constexpr double kSameSlope = 1.0;
-/// How often a cheap light is corrected before it must be right where it leads.
+/// Most corrections of a cheap light in one descent.
 constexpr int kMostCorrections = 4;
-/// Level of the models that correct the light at the end, and the most paths (lit times seen times
-/// object points) that a render of them may sum over: some 100 ms, by judgement.
+/// Level of the finer models that correct the light at the end, and the most paths (lit times seen
+/// times object points) that one render of them may sum over: some 100 ms, by judgement.
 constexpr int kFiner = 1;
 constexpr double kMostPaths = 3e9;
-/// Bounds of what a fall may be of a Gaussian's, by judgement: as little makes a posterior three
-/// times as wide, as much five times as narrow.
+/// Bounds of the ratio of a fall to a Gaussian's, by judgement: the lower one makes a posterior
+/// three times as wide, the upper one five times as narrow.
 constexpr double kLeastFall = 0.1, kMostFall = 25;
-/// What the linear unknowns may lack in log posterior, far below kWorthAStep.
+/// Error of the log posterior that eliminating the linear unknowns may leave, far below
+/// kWorthAStep.
 constexpr double kAccuracy = 1e-6;
-/// Starts that are followed when nothing is known, by judgement: a missed one is looked for again
-/// with a later frame (TrackerOptions::search_interval).
+/// Most starts that are followed when nothing is known, by judgement: one that is missed is looked
+/// for again in a later frame (TrackerOptions::search_interval).
 constexpr std::size_t kMaxStarts = 6;
 
 bool has_amplitude(const Scene& scene) { return scene.linear.amplitude == LinearMode::shared; }
 
-/// The amplitude, where it is shared, is one of the frame's unknowns: it scales the light, and is
-/// none of the linear unknowns that are eliminated.
+/// The scene's linear unknowns without a shared amplitude. A shared amplitude is one of the frame's
+/// own unknowns: it scales the light and is not eliminated.
 LinearUnknowns without_amplitude(const Scene& scene) {
   LinearUnknowns linear = scene.linear;
   if (has_amplitude(scene)) {
@@ -125,8 +126,9 @@ class CaptureLikelihood final : public FrameLikelihood {
     objective_.evaluate_empty(empty);
     const MatchedFilter filter(objective_, empty, MatchedFilter::Weights::expected,
                                MatchedFilter::Priors::used);
-    // Of each place the log posterior at its best amplitude: never less than what the amplitudes
-    // amount to together, nor than what a larger inflation leaves of it.
+    // The log posterior of each place at its best amplitude. It is at least the log integral over
+    // all amplitudes. Divided by the inflation, it is at least the log posterior under that
+    // inflation.
     const Eigen::ArrayXd gain = filter.scores().cast<double>().array() / inflation;
     const Eigen::ArrayXd prior = Eigen::Map<const Eigen::ArrayXf>(compiled_.log_prior.data(),
                                                                   std::ssize(compiled_.log_prior))
@@ -163,7 +165,7 @@ class CaptureLikelihood final : public FrameLikelihood {
     Eigen::MatrixXd covariance;
     double signal = 0;  ///< squared signal-to-noise ratio of the light; 0 where it is no unknown
   };
-  /// Of a prior: its inverse covariance and the log of its density at the mean.
+  /// Inverse covariance of a prior, and the logarithm of the prior's density at its mean.
   struct PriorNorm {
     explicit PriorNorm(const Gaussian& prior)
         : precision(prior.covariance.llt().solve(
@@ -192,7 +194,7 @@ class CaptureLikelihood final : public FrameLikelihood {
     for (double& value : light.object) value *= a;
   }
 
-  /// A light that is cheap, with what it lacks of a better one near a pose.
+  /// A cheap light, and its correction by a better one near a pose.
   struct CheapLight {
     LightSource source;
     Correction correction;
@@ -208,7 +210,8 @@ class CaptureLikelihood final : public FrameLikelihood {
     cheap.correction = objective_.correction(right, rough);
   }
 
-  /// Descends on a cheap light, corrected until it has the models' light where it leads.
+  /// Descends on a cheap light. The light is corrected and the descent repeated until it hardly
+  /// moves, so that the light is that of the models at the optimum.
   State descend_corrected(CheapLight& cheap, const ModelSet& models, const Gaussian& prior,
                           State state, double inflation) const {
     for (int i = 0; i < kMostCorrections; ++i) {
@@ -221,16 +224,16 @@ class CaptureLikelihood final : public FrameLikelihood {
     return state;
   }
 
-  /// From a state's optimum, in its standard deviations.
+  /// Squared distance from a state's optimum to `from`, in the state's standard deviations.
   double squared_distance(const State& state, const Eigen::VectorXd& from) const {
     const Eigen::VectorXd d = from_mean({from, {}}, state.at);
     return d.dot(state.covariance.ldlt().solve(d));
   }
 
-  /// On a cheap light that models correct, the spline's or that of rough models; where there is
-  /// neither, on the models. Where the models' error may move the optimum, finer ones take over at
-  /// the end: that error is much the same in frame after frame, so that no number of them averages
-  /// it out. By what it may still be, the frame counts for less.
+  /// Update on a cheap light that the models correct: the spline, or rough models. Without either,
+  /// the models themselves give the light. Where their error may move the optimum, finer models
+  /// take over at the end: the error is much the same in all frames, so that no number of frames
+  /// averages it out. The frame counts for less by the error that is left.
   Update with_model(const Gaussian& prior, const Eigen::VectorXd& start, double inflation,
                     bool may_be_finer) const {
     const bool spline = compiled_.spline != nullptr;
@@ -265,10 +268,11 @@ class CaptureLikelihood final : public FrameLikelihood {
     return result;
   }
 
-  /// The posterior about an optimum: the Gaussian of the expected information where the posterior
-  /// falls like it, else what has the moments of one that falls along each principal axis as this
-  /// one does, and is the product of these. Dim light leaves more unknown than its expected
-  /// information says. Outside of the search region, what cannot be looked at falls as a Gaussian.
+  /// The posterior about an optimum. Along a principal axis on which it falls like the Gaussian of
+  /// the expected information, it is that Gaussian. Along other axes it gets the moments of the
+  /// fall that is found there, as if the posterior were a product over the axes. Dim light leaves
+  /// more unknown than its expected information says. Outside the search region, where the fall
+  /// cannot be evaluated, it is taken for the Gaussian's.
   Update as_it_falls(const LightSource& light, const Gaussian& prior, const State& best,
                      double inflation) const {
     const Eigen::Index n = best.at.size();
@@ -321,7 +325,8 @@ class CaptureLikelihood final : public FrameLikelihood {
     return clamped == at;
   }
 
-  /// Whether a way leads more than half around a circle: what is there counts already.
+  /// Whether a way leads more than half around a circle: what is there is counted from the other
+  /// side.
   bool goes_round(const Eigen::VectorXd& way) const {
     for (std::size_t i = 0; i < compiled_.scene.unknowns.size(); ++i) {
       const double period = period_of(compiled_.scene, i);
@@ -346,7 +351,7 @@ class CaptureLikelihood final : public FrameLikelihood {
     }
   }
 
-  /// Log posterior of a state; `light` is filled.
+  /// Computes the log posterior of a state, and fills `light`.
   void evaluate(const LightSource& source, const Gaussian& prior, const PriorNorm& norm,
                 double inflation, State& state, ShapeBuffer& light) const {
     fill(source, state.at, light);
@@ -356,8 +361,8 @@ class CaptureLikelihood final : public FrameLikelihood {
                           state.linear.log_volume + norm.log - 0.5 * d.dot(norm.precision * d);
   }
 
-  /// Gradient of the log likelihood and expected information, the zones' own linear unknowns
-  /// eliminated. `unit_slope`: of the light at unit amplitude in the pose.
+  /// Gradient of the log likelihood and expected information, with the zones' own linear unknowns
+  /// eliminated. `unit_slope` is the slope of the light at unit amplitude with respect to the pose.
   void linearise(const State& state, const ShapeBuffer& light, const Eigen::MatrixXd& unit_slope,
                  Eigen::VectorXd& gradient, Eigen::MatrixXd& information) const {
     Eigen::MatrixXd slope(objective_.rows(), size());
@@ -380,7 +385,7 @@ class CaptureLikelihood final : public FrameLikelihood {
     ShapeBuffer light;
     evaluate(source, prior, norm, inflation, state, light);
     Eigen::MatrixXd slope;
-    double moved = std::numeric_limits<double>::infinity();  // since the slopes, squared
+    double moved = std::numeric_limits<double>::infinity();  // since `slope`, squared
     for (int i = 0; i < kMaxSteps; ++i) {
       Eigen::VectorXd gradient;
       Eigen::MatrixXd information;

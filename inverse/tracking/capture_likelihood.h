@@ -9,8 +9,8 @@
 
 namespace blindcorner {
 
-/// `compiled` must outlive what is returned; the capture is copied. Throws Error when the capture
-/// does not suit the scene.
+/// The result shares `compiled` and copies the capture. Throws Error when the capture does not suit
+/// the scene.
 std::unique_ptr<FrameLikelihood> make_capture_likelihood(
     std::shared_ptr<const CompiledScene> compiled, const Capture& capture,
     const FitOptions& options);

@@ -17,18 +17,18 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr float kNobody = std::numeric_limits<float>::infinity();
-/// Who takes longer to come is not followed, s: by then every vehicle here stands.
+/// People who take longer to come are not followed, s: by then every vehicle here stands.
 constexpr float kLooksAhead = 4;
-/// m along the path between the places of the front that are looked at.
+/// Distance along the path between the places of the front that are checked, m.
 constexpr double kFrontSpacing = 0.5;
-/// s between the times at which the front is looked at while the vehicle stops.
+/// Time between checks of the front while the vehicle brakes, s.
 constexpr double kStep = 0.05;
-/// m/s between the speeds that are tried.
+/// Step of the speeds that are tried, m/s.
 constexpr double kSpeedStep = 0.25;
 /// Steps to eight neighbours are longer than the straight way by at most this factor.
 constexpr double kDetour = 1.0824;
-/// Comfortable braking, a share of the friction limit, with which the vehicle slows down for
-/// places ahead: how far it has to look.
+/// Comfortable braking as a share of the friction limit. The vehicle slows down with it for places
+/// ahead, and it says how far ahead to look.
 constexpr double kComfortable = 0.4;
 
 struct Step {
@@ -69,8 +69,8 @@ OccludedSpeed::OccludedSpeed(const LineOfSight& sight, const GridGeometry& grid,
   }
 }
 
-/// What is seen is empty, and what is not keeps its time; from there on others are entered
-/// (Dijkstra 1959).
+/// Cells that are seen are empty. The times of other cells ahead count down, and from these cells
+/// people enter others (Dijkstra 1959).
 void OccludedSpeed::advance(std::vector<float>& earliest, double dt,
                             const VehicleState& state) const {
   const Transform T_world_vehicle_now = T_world_vehicle(state);
@@ -124,8 +124,8 @@ void OccludedSpeed::spread(std::vector<float>& earliest, const std::vector<bool>
 
 void OccludedSpeed::see(double dt, const VehicleState& state) { advance(earliest_, dt, state); }
 
-/// The earliest time at which somebody may be where the front is, from a spacing behind it to a
-/// margin before it.
+/// The earliest time at which somebody may be where the front is, from kFrontSpacing behind the
+/// front to the margin ahead of it.
 float OccludedSpeed::at_front(const std::vector<float>& earliest, const PathPoint& place) const {
   const double yaw = yaw_on_path(place.heading, place.curvature, body_.rear_axle);
   const Vector2d along(std::cos(yaw), std::sin(yaw));
@@ -144,7 +144,8 @@ float OccludedSpeed::at_front(const std::vector<float>& earliest, const PathPoin
   return first;
 }
 
-/// `at_fronts`: at places of the path, kFrontSpacing apart from the vehicle's own on.
+/// `at_fronts` holds at_front() at places of the path, kFrontSpacing apart, from the vehicle's own
+/// place on.
 double OccludedSpeed::largest_speed(const std::vector<float>& at_fronts, double wanted,
                                     double friction) const {
   const auto meets = [&](double speed) {
@@ -157,7 +158,7 @@ double OccludedSpeed::largest_speed(const std::vector<float>& at_fronts, double 
     }
     return false;
   };
-  // From here it stops within the margin: it may always go on so slowly.
+  // From this speed the vehicle stops within the margin: it may always drive so slowly.
   const double b = friction, t = options_.reaction_time;
   double speed = std::min(wanted, std::sqrt(b * b * t * t + 2 * b * options_.margin) - b * t);
   while (speed < wanted && !meets(std::min(wanted, speed + kSpeedStep))) {

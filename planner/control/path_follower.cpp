@@ -13,14 +13,14 @@
 namespace blindcorner {
 namespace {
 
-/// At the path's end: this near and this slow, m and m/s.
+/// A vehicle is at the path's end if it is this near and this slow, m and m/s.
 constexpr double kArrivedWithin = 0.1, kArrivedSpeed = 0.05;
 /// A vehicle that turns on the spot does so for heading errors beyond this.
 constexpr double kTurnFirst = kPi / 4;
 
-/// A limited vehicle that is faster than its profile by this much, m/s, is not driven on by it.
+/// A limited vehicle that is faster than its profile by this much, m/s, is not accelerated by it.
 constexpr double kTooFast = 0.5;
-/// Speeds below which a safe stop goes straight on, m/s.
+/// Speeds below which a safe stop steers straight ahead, m/s.
 constexpr double kSlowCar = 1.0, kSlowRobot = 0.05;
 
 double direction(const Eigen::Vector2d& vector) { return std::atan2(vector.y(), vector.x()); }
@@ -108,12 +108,12 @@ FollowerOutput PathFollower::steer(const VehicleState& state) {
   const Eigen::Vector2d to_left(-std::sin(here.heading), std::cos(here.heading));
   output.offset = to_left.dot(state.position - here.position);
   output.heading_error = wrapped(direction(control_point - state.position) - state.course());
-  // A vehicle right on a curved path also sees the control point beside its course.
+  // A vehicle that is exactly on a curved path also sees the control point beside its course.
   const double expected = wrapped(direction(control_point - here.position) - here.heading);
   const double proportional =
       options_.steering_gain / reach * wrapped(output.heading_error - expected);
 
-  // The steering takes this long to reach the path's curvature: it starts half of it earlier.
+  // Over this window the steering reaches the path's curvature: it starts half a window earlier.
   const double ahead = arc_length_ + speed * options_.delay;
   const double angle = std::atan(limits_.wheelbase * path_at(path_, arc_length_ + reach).curvature -
                                  limits_.wheelbase * here.curvature);
@@ -142,7 +142,8 @@ PathFollower::SpeedCommand PathFollower::speed_command(double arc_length, double
   if (command.feed_forward < 0 && speed < command.target) {
     command.feed_forward *= std::max(0.0, speed) / command.target;
   }
-  // Beyond a limit the profile rises again, but not for a vehicle that is still too fast.
+  // Beyond a limit the profile rises again, but a vehicle that is still too fast does not follow
+  // it.
   if (limited_ && command.feed_forward > 0) {
     command.feed_forward *= std::clamp(1 - (speed - command.target) / kTooFast, 0.0, 1.0);
   }
@@ -169,7 +170,8 @@ FollowerOutput PathFollower::follow(const VehicleState& state) {
 FollowerOutput PathFollower::stop(const VehicleState& state) {
   FollowerOutput output = steer(state);
   const double lateral = state.speed * state.speed * output.request.curvature / limits_.friction;
-  // At least half of the circle's square brakes: a vehicle at the limit would otherwise never slow.
+  // At least half of the friction circle's square is left for braking: a vehicle at the limit would
+  // otherwise never slow down.
   output.request.acceleration = -limits_.friction * std::sqrt(std::max(0.5, 1 - lateral * lateral));
   output.target_speed = 0;
   output.at_end = std::abs(state.speed) <= kArrivedSpeed;
@@ -177,8 +179,8 @@ FollowerOutput PathFollower::stop(const VehicleState& state) {
 }
 
 DriveRequest safe_stop(const VehicleState& state, const VehicleLimits& limits) {
-  // A slow car's yaw rate over its speed means nothing, and there is little to steer; a robot's
-  // wheels set both.
+  // For a slow car the yaw rate over the speed means nothing, and there is little to steer. A
+  // robot's wheels set both.
   const double slow = limits.wheelbase > 0 ? kSlowCar : kSlowRobot;
   const double curvature = state.speed > slow ? state.yaw_rate / state.speed : 0;
   return {.acceleration = -limits.friction,

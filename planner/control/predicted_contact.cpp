@@ -13,7 +13,7 @@ namespace {
 
 /// A vehicle that brakes and is slower than this, m/s, stays where it is.
 constexpr double kStays = 0.05;
-/// Depths of overlap that differ by less, m, are the same.
+/// Depths of overlap that differ by less than this, m, count as the same.
 constexpr double kDeeper = 0.01;
 
 }  // namespace

@@ -37,7 +37,7 @@ std::optional<Cell> nearest_traversable(const PlanningGrid& grid, const Vector2d
   return nearest;
 }
 
-/// Point of a line through points at a length along it, m; its end beyond.
+/// The point at a length along a line through points, m; beyond the line, its end.
 Vector2d along(const std::vector<Vector2d>& line, double length) {
   for (std::size_t i = 1; i < line.size(); ++i) {
     const double step = (line[i] - line[i - 1]).norm();

@@ -18,11 +18,13 @@ namespace blindcorner {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-/// Over which a path's curvature is averaged, m: below a wheelbase a car cannot tell.
+/// Length over which a path's curvature is averaged, m: changes within a wheelbase do not matter to
+/// a car.
 constexpr double kAveraged = 2.0;
-/// Over which changes of curvature are looked at, m: from a car's length to half a street's turn.
+/// Lengths over which changes of curvature are examined, m: from a car's length to half a street's
+/// turn.
 constexpr std::array kSteeringLengths{4.0, 7.0, 12.0};
-/// Share of the steering's rate that a plan uses; what is left is for control.
+/// Share of the steering's rate that a plan uses; the rest is left for control.
 constexpr double kSteeringShare = 0.8;
 
 /// A stop at a place of the path: the largest speeds from which it is possible.
@@ -36,7 +38,7 @@ class Stop {
     points_.back().arc_length = place;
     SpeedProfileOptions options;
     options.speed = options.start = limits.speed;
-    options.cornering = 1;  // what the curves themselves allow is the profile's matter
+    options.cornering = 1;  // the vehicle's own profile limits the speed in curves
     options.braking = braking;
     speeds_ = speed_profile(points_, limits, options);
   }
@@ -53,7 +55,8 @@ class Stop {
     return std::sqrt(low + share * (high - low));
   }
 
-  /// The same for a vehicle that brakes only after a time, s, for what comes towards it, m/s.
+  /// The same for a vehicle that brakes only after a reaction time, s, for an object that comes
+  /// towards it at `closing_speed`, m/s.
   double speed_at(double arc_length, double reaction_time, double closing_speed) const {
     double low = 0, high = speed_at(arc_length);
     constexpr int kHalvings = 30;  // to 1e-8 m/s
@@ -98,7 +101,7 @@ std::vector<Demand> demands_of(std::span<const PathPoint> path, const VehicleLim
     const auto& [place, sight] = places;
     const Stop& stop = stops.try_emplace(place, path, place, limits, options.braking).first->second;
     const double closing =
-        sight > from ? options.closing_speed : 0.0;  // what is seen shows its own
+        sight > from ? options.closing_speed : 0.0;  // an object in sight shows its own speed
     demands.push_back({stop.speed_at(sight, options.reaction_time, closing), sight, probability});
   }
   return demands;
@@ -147,7 +150,7 @@ std::vector<double> safe_speed_limits(std::span<const PathPoint> path, const Veh
     disregarded += (demand++)->probability;
   }
   for (; demand != demands.end(); ++demand) {
-    // Both samples around the place: between them v^2 is linear.
+    // Both samples around the place are limited, because v^2 is linear between them.
     const auto after = std::ranges::upper_bound(path, demand->place, {}, &PathPoint::arc_length);
     const auto i = static_cast<std::size_t>(after - path.begin());
     if (i > 0) speeds[i - 1] = std::min(speeds[i - 1], demand->speed);

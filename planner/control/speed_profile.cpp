@@ -26,8 +26,8 @@ class Profile {
     }
   }
 
-  /// Lowers sample `to` to what is reachable from its neighbour `from` with `strongest` m/s^2 on a
-  /// straight line.
+  /// Lowers the speed at sample `to` to what is reachable from its neighbour `from` with
+  /// `strongest` m/s^2 on a straight line.
   void reach(std::size_t from, std::size_t to, double strongest) {
     const double distance = std::abs(path_[to].arc_length - path_[from].arc_length);
     const auto reached = [&](double left) {
@@ -55,8 +55,8 @@ class Profile {
     return std::sqrt(std::max(0.0, 1 - used * used));
   }
 
-  /// 1/m, without its sign. A cusp is a turn back between the neighbouring points: a speed of 0
-  /// there would be one that no vehicle drives on from.
+  /// 1/m, without its sign. A cusp counts as a turn back between the neighbouring points: no
+  /// vehicle would drive on from a speed of 0 there.
   double drivable_curvature(std::size_t i) const {
     const std::size_t before = i == 0 ? 0 : i - 1, after = std::min(i + 1, path_.size() - 1);
     const double room = path_[after].arc_length - path_[before].arc_length;

@@ -15,16 +15,17 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Samples of a mover. A risk of 0.02 is then that of two or three of them.
+/// Number of samples of a mover. A risk of 0.02 is then two or three of them.
 constexpr int kSamples = 128;
-/// Time between places that are compared, s: at 20 m/s a metre, less than half of any body.
+/// Time between places that are compared, s: a metre at 20 m/s, less than half of any body.
 constexpr double kStep = 0.05;
 /// Decelerations that are tried, in shares of the friction limit.
 constexpr std::array kBraking{0.1, 0.2, 0.275, 0.35, 0.45, 0.55, 0.7, 0.85, 1.0};
-/// Of points in six dimensions: x^7 = x + 1.
+/// Ratio of spread_point() in six dimensions: x^7 = x + 1.
 constexpr double kRatio = 1.1127756842787055;
 
-/// A place and a velocity of a mover, and the velocity that it will gain or lose.
+/// A position and a velocity of a mover, and the displacement by the random walk of its velocity,
+/// per s^1.5.
 struct Sample {
   Vector2d position, velocity, gained;
 };
@@ -68,18 +69,18 @@ class Traffic {
         nearest_arc_length(path, state.position, path.front().arc_length, path.back().arc_length);
   }
 
-  /// What comes of a course.
+  /// The result of a course.
   struct Outcome {
-    double probability = 0, time = 0;  ///< of touching a mover; s, mean, times the probability
+    double probability = 0, time = 0;  ///< of touching a mover; mean time, s, times that
     double damage = 0;                 ///< m^2/s^2, expected square of the speed of impact
-    double exposure = 0;               ///< m^2/s, its integral over the time in touch
+    double exposure = 0;               ///< m^2/s, integral of that square over the time in touch
     std::vector<double> of_mover;      ///< [movers] probability
   };
 
   /// `braking`: share of the friction limit; 0: as the follower's profile says.
   Outcome of(double braking) const { return meetings(course(braking), options_.margin); }
-  /// Of touching itself, not of coming nearer than the margin: the damage, and, of courses that
-  /// begin with a touch (bodies are discs, which bulge), how fast it goes on there.
+  /// Damage and exposure of touching itself, not of coming nearer than the margin. The exposure
+  /// decides between courses that begin with a touch (bodies are discs, which bulge).
   std::pair<double, double> damage(double braking) const {
     const Outcome outcome = meetings(course(braking), 0);
     return {outcome.damage, outcome.exposure};
@@ -192,7 +193,7 @@ TrafficDecision decide_for_traffic(const PathFollower& follower, const VehicleSt
     decision.braking = braking >= options.comfortable ? braking : 0.0;
     return decision;
   }
-  // The margin cannot be kept: what counts is who is touched, and how fast.
+  // The margin cannot be kept, so that the damage of touching decides.
   std::pair<double, double> least = traffic.damage(0);
   for (const double braking : kBraking) {
     const std::pair<double, double> damage = traffic.damage(braking);

@@ -10,7 +10,8 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Where a level line cuts a convex polygon; `lower` > `upper` where it does not.
+/// Ends of the section in which a horizontal line cuts a convex polygon; `lower` > `upper` if it
+/// does not.
 struct Section {
   double lower = std::numeric_limits<double>::infinity();
   double upper = -std::numeric_limits<double>::infinity();
@@ -29,8 +30,8 @@ Section section_at(const Footprint& polygon, double y) {
   return section;
 }
 
-/// Adds `weight` times the share of each pixel of a row that [lower, upper] covers; in pixels,
-/// pixel c from c - 0.5 to c + 0.5.
+/// Adds `weight` times the share of each pixel of a row that [lower, upper] covers. Lengths are in
+/// pixels; pixel c reaches from c - 0.5 to c + 0.5.
 void add_interval(double lower, double upper, double weight, int row, FootprintKernel& kernel) {
   const int first = static_cast<int>(std::floor(lower + 0.5));
   const int last = static_cast<int>(std::floor(upper + 0.5));
@@ -40,8 +41,8 @@ void add_interval(double lower, double upper, double weight, int row, FootprintK
   }
 }
 
-/// Means over `width` neighbours of `count` values that lie `stride` apart; outside there are
-/// zeros.
+/// Replaces each of `count` values, which lie `stride` apart, by the mean over `width` neighbours.
+/// Values outside count as zero.
 void average_line(int width, std::size_t count, std::size_t stride, double* values) {
   const auto half = static_cast<std::size_t>(width / 2);
   std::vector<double> sums(count + 1);  // of all values before

@@ -30,7 +30,8 @@ FootprintKernel empty_kernel(double step, const Eigen::Vector2d& shift,
                              int margin);
 
 /// Adds `weight` times the share of each pixel that a convex polygon covers. Exact for edges along
-/// the axes; slanted ones are taken as straight down each row of pixels. The kernel must hold it.
+/// the axes; a slanted edge is taken as vertical within each row of pixels. The kernel must hold
+/// the polygon.
 void add_polygon(const Footprint& polygon, double weight, FootprintKernel& kernel);
 
 /// Averages over squares of `width` by `width` pixels; `width` is odd.

@@ -19,11 +19,11 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// How far behind a surface the cell that it occupies is looked up, in cells: a wall on the line
-/// between two cells belongs to the one that it hides.
+/// Distance behind a surface at which the cell that it occupies is looked up, in cells: a wall on
+/// the line between two cells belongs to the cell that it hides.
 constexpr double kBehind = 0.01;
 
-/// What a scan says of a cell; the greater one holds.
+/// What a scan says of a cell. Of several marks the greatest holds.
 enum Mark : std::uint8_t { kNothing, kFree, kSurface, kObject };
 
 /// Marks cells free from a point along a direction (unit) up to a distance: the cells that the
@@ -51,7 +51,7 @@ void mark_free(const GridGeometry& grid, const Vector2d& from, const Vector2d& d
   }
 }
 
-/// Of a sensor's forward axis over the ground, rad.
+/// Direction of a sensor's forward axis over the ground, rad.
 double heading(const Transform& T_world_sensor) {
   const Vector3d forward = T_world_sensor.linear().col(0);
   return std::atan2(forward.y(), forward.x());
@@ -79,9 +79,9 @@ void LineOfSightOptions::validate() const {
 /// Where the rays of one direction end.
 struct LineOfSight::End {
   double distance = 0;    ///< m
-  Mark mark = kNothing;   ///< of what they end on; kNothing: of their range
+  Mark mark = kNothing;   ///< what they end on; kNothing: the end of their range
   Vector2d hidden{0, 0};  ///< m, a little behind the surface
-  int body = -1;          ///< of what they end on: surface or hidden object
+  int body = -1;          ///< index of the surface or hidden object that they end on
 };
 
 LineOfSight::LineOfSight(const Scene& scene, const GridGeometry& grid,
@@ -143,7 +143,7 @@ LineOfSightScan LineOfSight::scan(const Transform& T_world_sensor,
   const double middle = heading(T_world_sensor);
   const Eigen::Rotation2Dd turn(heading(T_world_believed) - middle);
   const Vector2d believed = T_world_believed.translation().head<2>();
-  // A cell at distance d is nowhere narrower than its side: it is h / d wide, as an angle.
+  // A cell of side h at distance d is at least h / d wide, as an angle.
   const double widest = grid_.cell_size / (options_.max_range + grid_.cell_size);
   const int directions = static_cast<int>(std::ceil(options_.field_of_view / widest));
   std::vector<std::uint8_t> marks(grid_.cells(), kNothing);

@@ -18,12 +18,13 @@ using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
 
-/// What an exactly known value is taken to be uncertain by, m, rad or 1: matrices stay regular.
+/// Standard deviation given to an exactly known value, m, rad or 1, so that matrices stay regular.
 constexpr double kExact = 1e-6;
 /// Share of the prior's precision that is taken out of undetermined unknowns. The rest leaves a
-/// standard deviation of seven times the prior's, twice its range: flat to 3 % over it.
+/// standard deviation of seven times the prior's, twice its range: flat to 3 % over that range.
 constexpr double kTakenOut = 0.98;
-/// Values farther from the mean are left out: 6e-5 of a normal distribution.
+/// Values farther from the mean than this many standard deviations are left out: 6e-5 of a normal
+/// distribution.
 constexpr double kTail = 4.0;
 
 const Unknown& at(const std::vector<Unknown>& unknowns, int place) {
@@ -50,7 +51,7 @@ Normal part_of(const PoseMode& mode, const std::vector<int>& places) {
   return part;
 }
 
-/// The same without the flat priors of what the mode lists as undetermined.
+/// Takes out of a distribution the flat priors of the unknowns that the mode lists as undetermined.
 void take_out_prior(const PoseMode& mode, const std::vector<Unknown>& unknowns,
                     const std::vector<int>& places, Normal& part) {
   const Index n = part.mean.size();
@@ -65,13 +66,13 @@ void take_out_prior(const PoseMode& mode, const std::vector<Unknown>& unknowns,
     taken[i] = flat ? kTakenOut : 0.0;
   }
   if (taken.isZero()) return;
-  // In units of the priors' widths: the prior's precision is 1.
+  // In units of the priors' widths, the prior's precision is 1.
   const MatrixXd inverse_scale = scale.cwiseInverse().asDiagonal();
   const MatrixXd precision = (inverse_scale * part.covariance * inverse_scale).inverse();
   const VectorXd offset = inverse_scale * (part.mean - prior_mean);
   const MatrixXd rest = precision - MatrixXd(taken.asDiagonal());
   const Eigen::SelfAdjointEigenSolver<MatrixXd> axes(rest);
-  // A covariance that was inflated beyond the prior's would leave less than nothing.
+  // A covariance that was inflated beyond the prior's would leave a negative precision.
   const VectorXd variance = axes.eigenvalues().cwiseMax(1 - kTakenOut).cwiseInverse();
   const MatrixXd covariance =
       axes.eigenvectors() * variance.asDiagonal() * axes.eigenvectors().transpose();
@@ -83,12 +84,14 @@ ShapeRange range_of(double mean, double sigma) {
   return {mean, sigma, mean - kTail * sigma, mean + kTail * sigma};
 }
 
-/// A mean outside of the limits (of a tracked object) is not drawn back.
+/// Whether a mean is within the limits. A mean outside them (of a tracked object) is not drawn
+/// back.
 bool inside(double mean, const Unknown& unknown) {
   return mean >= unknown.lower && mean <= unknown.upper;
 }
 
-/// Yaw turned by whole periods to where its unknown's interval begins, and cut to one period.
+/// Range of a yaw. The mean is turned by whole periods into the period that begins at its unknown's
+/// lower limit, and the range is cut to one period.
 ShapeRange yaw_range(const Unknown& unknown, double period, double mean, double sigma) {
   const double turned = mean - period * std::floor((mean - unknown.lower) / period);
   ShapeRange range = range_of(turned, sigma);

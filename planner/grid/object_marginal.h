@@ -18,23 +18,23 @@ namespace blindcorner {
 struct GroundObject {
   GroundObject(const Scene& scene, int object);
 
-  Footprint outline;      ///< of Placement{}, counter-clockwise, m
+  Footprint outline;      ///< for Placement{}, counter-clockwise, m
   Placement known;        ///< what the scene states
   double radius = 0;      ///< m, farthest corner of the outline from the anchor
   double yaw_period = 0;  ///< rad; 0: yaw changes nothing
-  /// Places in the scene's unknowns of x, y, yaw and size; -1: known, or without effect.
+  /// Indices of x, y, yaw and size in the scene's unknowns; -1: known, or without effect.
   int x = -1, y = -1, yaw = -1, size = -1;
-  std::vector<int> unknowns;  ///< places of all unknowns of the object, z included
+  std::vector<int> unknowns;  ///< indices of all unknowns of the object, z included
 };
 
 /// Values that one shape unknown (yaw, size) may have: normal, cut off at both ends.
 struct ShapeRange {
   double mean = 0;
   double sigma = 0;
-  double lower = 0, upper = 0;  ///< all of it: within 4 sigma, the period, the prior's range
+  double lower = 0, upper = 0;  ///< within 4 sigma, the period and the prior's range
 };
 
-/// Normal distribution of position given shape, and the shape's own.
+/// Normal distribution of the position given the shape, and that of the shape itself.
 struct ObjectMarginal {
   Eigen::Vector2d position = Eigen::Vector2d::Zero();         ///< m, at the mean shape
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();       ///< m^2, given yaw and size
@@ -52,19 +52,19 @@ NormalPrior moments_of(const Unknown& unknown);
 /// A mode that knows no more than the prior.
 PoseMode prior_mode(const std::vector<Unknown>& unknowns, double weight);
 
-/// The modes of a mixture, and the prior's with the weight that they leave to it.
+/// The modes of a mixture, and a mode of the prior with the weight that they leave.
 std::vector<PoseMode> with_prior(const PoseMixture& mixture, const std::vector<Unknown>& unknowns);
 
 /// Whether a mode says that the object is not there: none of its unknowns has a value.
 bool is_absent(const PoseMode& mode, const GroundObject& object);
 
-/// Throws Error for probabilities of not having been seen that are neither none nor one a cell.
+/// Throws Error unless `not_seen` is empty or has one value for each cell.
 void check_not_seen(std::span<const double> not_seen, const GridGeometry& grid);
 
-/// Marginal of one object under a mode. The prior of unknowns that the mode lists as undetermined
-/// is part of its covariance as a normal distribution of the prior's moments; it is taken out here
-/// (precisions subtract), because the limits put in the prior itself, which is flat. What data say
-/// of such an unknown together with others (a ridge) is thereby kept.
+/// Marginal of one object under a mode. For unknowns that the mode lists as undetermined, the
+/// mode's covariance contains the prior as a normal distribution of the prior's moments. That part
+/// is taken out here (precisions subtract), because the limits put in the prior itself, which is
+/// flat. What the data say of such an unknown together with others (a ridge) is kept in this way.
 ObjectMarginal marginal_of(const PoseMode& mode, const std::vector<Unknown>& unknowns,
                            const GroundObject& object);
 

@@ -19,21 +19,24 @@ using Eigen::Vector2d;
 
 /// Smallest standard deviation of a position that is resolved, in cells.
 constexpr double kFinest = 0.25;
-/// Largest one, in diagonals of the grid: density is flat over the grid beyond it, and of the
-/// probability at most 1 % falls on the grid.
+/// Largest standard deviation of a position that is resolved, in diagonals of the grid. With a
+/// larger one the density would be flat over the grid, and at most 1 % of the probability would
+/// fall on it.
 constexpr double kWidest = 4.0;
-/// Steps of positions across the grid's diagonal, at least.
+/// Least number of position steps across the grid's diagonal.
 constexpr double kGridSteps = 8.0;
-/// Step of the lattice of positions over their smallest standard deviation: a sum over a normal
-/// density is then exact to 1e-34, and the squares that its points stand for widen it by 1 %.
+/// Position step relative to the smallest standard deviation. A sum over a normal density is then
+/// exact to 1e-34, and the squares for which its points stand widen it by 1 %.
 constexpr double kStep = 0.5;
 /// Positions beyond this many standard deviations are left out: 4e-5 of all.
 constexpr double kTail = 4.5;
-/// Steps over the search region, at least: its border is washed out by half of one.
+/// Least number of position steps over the search region, whose border is blurred by half a step.
 constexpr double kRegionSteps = 24;
-/// Steps of yaw or size over eight standard deviations, at least and at most.
+/// Least and largest number of steps of yaw or size over their range, at most eight standard
+/// deviations.
 constexpr int kFewestShapes = 8, kMaxShapes = 96;
-/// A position's share of the heaviest one's weight below which it is left out.
+/// Weight below which a position, relative to the anchor, or a shape, relative to the sum, is left
+/// out.
 constexpr double kNegligible = 1e-6;
 
 /// One yaw and size with its weight.
@@ -42,8 +45,8 @@ struct ShapeNode {
   double weight = 1;
 };
 
-/// Midpoints of equal steps over a range, no longer than moves the outline's farthest corner by
-/// `resolution` (m).
+/// Midpoints of equal steps over a range. The steps are so short that each moves the outline's
+/// farthest corner by at most `resolution` (m), if kMaxShapes steps are enough for that.
 std::vector<double> steps_over(const ShapeRange& range, double radius, double resolution) {
   const double width = range.upper - range.lower;
   if (!(width * radius > 0.1 * resolution))
@@ -72,8 +75,8 @@ std::vector<ShapeNode> shape_nodes(const ObjectMarginal& marginal, double radius
   return nodes;
 }
 
-/// Steps of positions and of footprints: `stride` pixels from one position to the next, `per_cell`
-/// pixels across a cell; one of them is 1.
+/// Lattice of pixels for positions and footprints. Positions lie `stride` pixels apart, and a cell
+/// is `per_cell` pixels wide. One of the two is 1.
 struct Lattice {
   double step = 1;  ///< m, of a pixel
   int stride = 1, per_cell = 1;
@@ -88,7 +91,7 @@ Lattice lattice_for(double cell_size, double finest_sigma, double coarsest_step)
     lattice.per_cell = static_cast<int>(std::ceil(cell_size / wanted));
     lattice.step = cell_size / lattice.per_cell;
   } else {
-    lattice.stride = (static_cast<int>(wanted / cell_size) - 1) / 2 * 2 + 1;  // odd: about a pixel
+    lattice.stride = (static_cast<int>(wanted / cell_size) - 1) / 2 * 2 + 1;  // odd: symmetric
     lattice.step = cell_size;
   }
   return lattice;
@@ -98,7 +101,7 @@ double diagonal(const GridGeometry& grid) {
   return grid.cell_size * std::hypot(grid.columns, grid.rows);
 }
 
-/// The covariance with no axis shorter or longer than is resolved.
+/// The covariance, with the standard deviation along each axis limited to what is resolved.
 Matrix2d resolved(const Matrix2d& covariance, const GridGeometry& grid, double& smallest_sigma) {
   const double finest = kFinest * grid.cell_size;
   const double widest = kWidest * diagonal(grid);
@@ -116,7 +119,7 @@ double share_within(double center, double half, double lower, double upper) {
 
 /// A lattice point where the object may stand.
 struct PositionNode {
-  int column = 0, row = 0;  ///< steps of positions from the anchor
+  int column = 0, row = 0;  ///< position steps from the anchor
   double weight = 0;
 };
 
@@ -126,7 +129,7 @@ struct Positions {
   Vector2d anchor = Vector2d::Zero();  ///< m, of node (0, 0)
 };
 
-/// Range of lattice steps from the anchor that positions can have along an axis.
+/// First and last position step from the anchor that positions can have along an axis.
 std::pair<int, int> steps_along(double mean, double sigma, double lower, double upper,
                                 double anchor, double step) {
   const double from = std::max(mean - kTail * sigma, lower);
@@ -145,7 +148,8 @@ Positions positions_of(const ObjectMarginal& marginal, const Matrix2d& covarianc
   const auto [bottom, top] =
       steps_along(marginal.position.y(), std::sqrt(covariance(1, 1)), marginal.lower.y(),
                   marginal.upper.y(), positions.anchor.y(), step);
-  // Relative to the density at the anchor, which may lie far out where the prior cuts it off.
+  // Weights are relative to the density at the anchor, which may lie far from the mean where the
+  // prior cuts the density off.
   const Vector2d origin = positions.anchor - marginal.position;
   const double reference = origin.dot(precision * origin);
   double total = 0;
@@ -170,10 +174,11 @@ Positions positions_of(const ObjectMarginal& marginal, const Matrix2d& covarianc
   return positions;
 }
 
-/// Footprints of all shapes, each moved to where the position's mean is given the shape.
+/// Sum of the footprints of all shapes, with their weights. Each footprint is moved by the shift of
+/// the position's mean for its shape.
 struct ShapeKernels {
-  FootprintKernel touched;  ///< shares of the shapes that touch a cell
-  FootprintKernel covered;  ///< shares that cover its centre; of the same extent
+  FootprintKernel touched;  ///< share of the shapes that touch a cell
+  FootprintKernel covered;  ///< share that covers its centre; of the same extent
 };
 
 ShapeKernels draw_shapes(const std::vector<ShapeNode>& nodes, const ObjectMarginal& marginal,
@@ -207,7 +212,8 @@ ShapeKernels draw_shapes(const std::vector<ShapeNode>& nodes, const ObjectMargin
   return kernels;
 }
 
-/// Every `per_cell`-th value of a kernel along both axes, one table for each place to begin at.
+/// A kernel split into tables with one value per cell: every `per_cell`-th value along both axes,
+/// one table for each pixel to begin at.
 struct KernelPhases {
   struct Table {
     int first_column = 0, first_row = 0;  ///< in cells
@@ -245,7 +251,7 @@ KernelPhases phases_of(FootprintKernel& kernel, int per_cell) {
   return phases;
 }
 
-/// The cells that a table, put somewhere, shares with a rectangle of cells.
+/// The cells that a table, placed on the grid, shares with a rectangle of cells.
 struct Overlap {
   int columns = 0, rows = 0;
   std::ptrdiff_t in_table = 0, in_cells = 0;  ///< where the first of them is stored
@@ -277,7 +283,9 @@ void add_table(const double* table, int table_columns, double weight, int column
   }
 }
 
-/// One row of an object's footprint at a place, part of which has been seen.
+/// Adds one row of an object's footprint at a position where part of it has been seen. In each cell
+/// the smaller of two bounds counts: `unseen` for the whole position, and what was seen in the
+/// cell.
 BLINDCORNER_MULTIVERSION
 void add_unseen_row(const double* touched, const double* covered, const double* not_seen,
                     double weight, double unseen, int columns, double* to) {
@@ -289,7 +297,7 @@ void add_unseen_row(const double* touched, const double* covered, const double* 
   }
 }
 
-/// Footprints put at positions, and what of them has not been seen.
+/// Places footprints at positions, and leaves out what has been seen of them.
 class Placer {
  public:
   Placer(ShapeKernels& kernels, const Lattice& lattice, const GridGeometry& grid,
@@ -300,11 +308,12 @@ class Placer {
         grid_(grid),
         not_seen_(not_seen) {}
 
-  /// Adds the object at a position to the window: of each cell, the probability that the object
-  /// occupies it and has not been seen. Returns the probability that it stands there unseen.
+  /// Adds the object at a position to the window: in each cell, the probability that the object
+  /// stands at the position, occupies the cell and has not been seen. Returns the probability that
+  /// it stands there unseen.
   double place(const PositionNode& node, const Cell& anchor_cell, const Cell& stands_in,
                Window& window) const {
-    // Cell c sees the node at pixel (c - anchor) * per_cell - steps * stride.
+    // Relative to the node, cell c is pixel (c - anchor) * per_cell - steps * stride.
     const int n = touched_.per_cell;
     const int x = node.column * stride_;
     const int y = node.row * stride_;
@@ -319,8 +328,9 @@ class Placer {
   }
 
  private:
-  /// A ray ends on an object or passes the place: the cells that one footprint covers are no
-  /// further evidence for each other, and the one that says most against the object counts.
+  /// Probability that an object at a position has not been seen. A ray either ends on the object or
+  /// passes the place. The cells that one footprint covers are therefore no further evidence for
+  /// each other, and the cell that says most against the object counts.
   double unseen_at(std::size_t phase, const Cell& put, const Cell& stands_in) const {
     double seen = grid_.contains(stands_in) ? 1 - not_seen_[grid_.index(stands_in)] : 0.0;
     const KernelPhases::Table& table = covered_.tables[phase];
@@ -390,7 +400,7 @@ Window window_for(const Positions& positions, const Cell& anchor_cell, const Lat
   return window;
 }
 
-/// Whether no position that the object may have touches the grid.
+/// Whether the object touches the grid at none of the positions that it may have.
 bool out_of_reach(const ObjectMarginal& marginal, const Matrix2d& covariance,
                   const GroundObject& object, const GridGeometry& grid) {
   const Vector2d center = grid.origin + grid.cell_size / 2 * Vector2d(grid.columns, grid.rows);
@@ -411,12 +421,12 @@ ObjectSpread spread(const ObjectMarginal& marginal, const GroundObject& object,
   if (out_of_reach(marginal, covariance, object, grid)) return {};
   double coarsest = std::min((marginal.upper - marginal.lower).minCoeff() / kRegionSteps,
                              diagonal(grid) / kGridSteps);
-  // Borders of what was seen matter on the scale of the object.
+  // The borders of what was seen matter on the scale of the object.
   if (!not_seen.empty()) coarsest = std::min(coarsest, object.radius / 2);
   const Lattice lattice = lattice_for(grid.cell_size, sigma, std::max(coarsest, grid.cell_size));
   const Positions positions = positions_of(marginal, covariance, lattice.position_step());
 
-  // Pixels of the kernels stand for centres of cells as seen from the anchor.
+  // A kernel's pixels stand for the centres of cells relative to the anchor.
   const Cell anchor_cell = grid.cell_at(positions.anchor);
   const Vector2d shift = positions.anchor - grid.center(anchor_cell);
   const auto nodes = shape_nodes(marginal, object.radius, sigma);

@@ -23,14 +23,16 @@ struct ObjectSpread {
   double not_seen = 1;
 };
 
-/// Positions and shapes on a lattice (pose_spread.h says how fine). `not_seen` [cells] or empty:
-/// the probability that the object would have remained unseen had it covered the cell's centre. The
-/// values sum over what was not seen; divided by `not_seen` they are the probabilities given that.
+/// Sums over positions on a lattice (pose_spread.h says how fine) and over shapes. `not_seen` is
+/// [cells] or empty: the probability that an object which covers the cell's centre would have
+/// remained unseen. The window's values are probabilities that the object occupies the cell and has
+/// remained unseen. Divided by the result's `not_seen`, they are probabilities given that it has.
 ///
 /// A pose has remained unseen with the smallest `not_seen` of the cells that it covers and of the
-/// one it stands in. Shapes are summed before they are placed: at each position their mean is
-/// bounded from above by the cell that says most against them together, and in each cell by what
-/// was seen there. With one shape both are exact.
+/// cell that it stands in. All shapes are summed before they are placed at a position. The mean
+/// over the shapes is then bounded from above, at each position by the cell that says most against
+/// all shapes together, and in each cell by what was seen there. With a single shape both bounds
+/// are exact.
 ObjectSpread spread(const ObjectMarginal& marginal, const GroundObject& object,
                     const GridGeometry& grid, std::span<const double> not_seen);
 

@@ -10,7 +10,8 @@
 namespace blindcorner {
 namespace {
 
-/// A cell that the prior's object reaches with less than this is outside of the search region.
+/// A cell is outside the search region if the prior's object reaches it with less than this
+/// probability.
 constexpr double kReached = 1e-9;
 /// No cell is surer than this: odds stay finite, also against answers that are certain.
 constexpr double kCertain = 1 - 1e-9;
@@ -74,7 +75,8 @@ void OccupancyGrid::update(double dt, const LineOfSightScan* scan, const HiddenA
   }
   if (answer != nullptr) {
     if (!spread_) throw Error("an answer on hidden objects needs a grid that was made for a scene");
-    // Refused before anything is changed; what is moved on must be a mixture first, and stay one.
+    // An invalid answer is refused before anything is changed. It must be a mixture, and remain one
+    // when it is predicted.
     spread_->check(answer->mixture);
     spread_->check(prediction_->predicted(answer->mixture, answer->age, answer->velocities));
   }
@@ -90,7 +92,7 @@ void OccupancyGrid::see(const LineOfSightScan& scan) {
   const double hit = std::log(options_.hit_if_occupied / options_.hit_if_free);
   const double pass = std::log((1 - options_.hit_if_occupied) / (1 - options_.hit_if_free));
   const double bound = options_.max_log_odds;
-  // What was never expected to move must be believed all the same once it is seen.
+  // A moving object must be believed once it is seen, even if `moving_prior` hardly expects any.
   const double unexpected =
       options_.moving_prior > 0 ? std::max(0.0, -std::log(odds(options_.moving_prior))) : 0.0;
   const auto add = [&](std::vector<double>& evidence, std::size_t cell, double log_ratio) {
@@ -134,7 +136,8 @@ double OccupancyGrid::odds_at(std::size_t index) const {
   const bool searched = answer_ && searchable_[index] != 0;
   const double prior = searched ? options_.unmodelled_probability : options_.unseen_prior;
   const double evidence = moving_evidence_[index];
-  // Passes are in h already (spread_hidden); hits are not, and count at once.
+  // h contains the passes already (spread_hidden). It does not contain the hits, which count at
+  // once.
   const double other = odds(options_.moving_prior) * std::exp(std::min(evidence, 0.0));
   const double moving = std::min(kCertain, 1 - (1 - hidden_[index]) / (1 + other));
   const double of_static = odds(prior) * std::exp(static_evidence_[index]);

@@ -17,14 +17,15 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Poses for an object that is surely present, and for a mode however light.
+/// Number of poses of an object, shared among its modes in proportion to their weights, and least
+/// number for a mode.
 constexpr double kPoses = 2048;
 constexpr int kFewestPoses = 64;
-/// A search region narrower than this many standard deviations is sampled evenly and weighed: of
-/// normal points more than half would lie outside.
+/// A search region narrower than this many standard deviations is sampled evenly and weighted: more
+/// than half of normally distributed points would lie outside it.
 constexpr double kNarrowRegion = 2;
 
-/// Of points in four dimensions: x^5 = x + 1.
+/// Ratio of spread_point() in four dimensions: x^5 = x + 1.
 constexpr double kRatio = 1.1673039782614187;
 
 /// A pose with its unnormalised weight.

@@ -132,7 +132,8 @@ std::vector<double> PoseSpread::occupied(const PoseMixture& mixture,
   for (const PoseMode& mode : with_prior(mixture, impl_->unknowns)) {
     if (mode.weight > 0) unseen += impl_->add_mode(mode, not_seen, cells);
   }
-  // Bayes: present and unseen, against absent. What was surely seen and was not there is not there.
+  // Bayes: present and unseen, against absent. The evidence is zero if presence was certain and
+  // every pose has surely been seen to be empty.
   const double evidence = presence * unseen + (1 - presence);
   if (!(evidence > 0)) return std::vector<double>(cells.size(), 0.0);
   for (double& p : cells) p = std::min(1.0, p * presence / evidence);

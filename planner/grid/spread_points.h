@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Points that fill a cube evenly, and what becomes normally distributed of them.
+/// Points that fill a cube evenly, and normally distributed points that are made from them.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,7 +25,8 @@ std::array<double, kDimensions> spread_point(int i, double ratio) {
   return point;
 }
 
-/// The standard normal distribution's point of two even ones (Box and Muller 1958).
+/// Point of the standard normal distribution that belongs to two even numbers (Box and Muller
+/// 1958).
 inline Eigen::Vector2d normal_point(double a, double b) {
   const double radius = std::sqrt(-2 * std::log(1 - a));
   return radius * Eigen::Vector2d(std::cos(2 * kPi * b), std::sin(2 * kPi * b));

@@ -12,19 +12,20 @@ namespace {
 
 /// Clothoids are integrated in steps of this share of the nodes' spacing.
 constexpr double kStepShare = 0.25;
-/// Newton steps towards the end: errors of a step's length are squared in each.
+/// Number of Newton steps towards the end. Each step squares the error, in units of the step's
+/// length.
 constexpr int kNewtonSteps = 4;
 /// Curvature step of numeric derivatives, in units of one over the curve's length.
 constexpr double kDerivativeStep = 1e-5;
-/// Price of a change of length, in units of a change of curvature times the square of the spacing:
-/// the length is adjusted first.
+/// Price of a change of length, in units of a change of curvature times the square of the spacing.
+/// It is low, so that the length is adjusted first.
 constexpr double kLengthPrice = 1e-3;
 
 Eigen::Vector2d direction(double heading) { return {std::cos(heading), std::sin(heading)}; }
 
 PathPoint end_of(const Curve& curve) { return curve.points(kStepShare * curve.spacing).back(); }
 
-/// What is missing to the end: x, y and, where it is asked for, heading.
+/// Difference of the wanted end from the last point: x, y and, if it is wanted, heading.
 Eigen::VectorXd missing(const PathPoint& last, const CurveEnd& end) {
   Eigen::VectorXd lack(end.heading ? 3 : 2);
   lack.head<2>() = end.position - last.position;
@@ -32,7 +33,8 @@ Eigen::VectorXd missing(const PathPoint& last, const CurveEnd& end) {
   return lack;
 }
 
-/// [2 or 3, nodes]: derivatives of the end by the curvature of nodes 1, 2, ... and by the length.
+/// [2 or 3, nodes] Derivatives of the end with respect to the curvatures of nodes 1, 2, ... and the
+/// length.
 Eigen::MatrixXd end_derivatives(const Curve& curve, const CurveEnd& end) {
   const auto nodes = static_cast<Eigen::Index>(curve.curvature.size());
   const PathPoint last = end_of(curve);
@@ -56,7 +58,7 @@ PathPoint advanced(const PathPoint& from, double curvature, double length) {
   const double middle = from.heading + length * (3 * from.curvature + curvature) / 8;
   PathPoint to;
   to.heading = from.heading + length * (from.curvature + curvature) / 2;
-  // Simpson's rule: of a quarter turn it is off by 1e-3 of the length, of 0.1 rad by 1e-8.
+  // Simpson's rule. Its error is 1e-3 of the length for a quarter turn, and 1e-8 for 0.1 rad.
   to.position =
       from.position +
       length / 6 * (direction(from.heading) + 4 * direction(middle) + direction(to.heading));
@@ -94,7 +96,8 @@ std::vector<PathPoint> Curve::points(double at_most) const {
   return points;
 }
 
-/// Least squares of second differences and of changes, under the linearised condition of the end.
+/// Least squares of second differences and of changes, under the linearised condition that the end
+/// is met.
 Curve fitted(const Curve& curve, const CurveEnd& end, double weight) {
   const auto nodes = static_cast<Eigen::Index>(curve.curvature.size());
   const Eigen::Index free = nodes - 1;  // curvatures of nodes 1, 2, ...; the last unknown: length

@@ -29,9 +29,10 @@ struct Curve {
   std::vector<PathPoint> points(double spacing) const;
 };
 
-/// A curve near another one whose second differences of curvature are small (as far as `weight`
-/// says: 0 not at all, 1 bends shorter than six nodes go) and that ends where it is told. Its start
-/// is the same. The end is met up to what a few Newton steps leave.
+/// A curve near `curve` that ends where `end` says and whose curvature has small second
+/// differences. At a `weight` of 0 these do not count; at 1, bends shorter than six nodes
+/// disappear. The start stays the same. The end is met up to the error that a few Newton steps
+/// leave.
 Curve fitted(const Curve& curve, const CurveEnd& end, double weight);
 
 }  // namespace blindcorner

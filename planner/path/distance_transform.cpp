@@ -111,8 +111,9 @@ std::vector<double> squared_distances(const GridGeometry& geometry,
   check_size(geometry, obstacle.size());
   std::vector<double> distance = column_distances(geometry, obstacle);
   const auto columns = static_cast<std::size_t>(geometry.columns);
-  // The square of cell x reaches from x - 0.5 to x + 0.5. Parabolas stand on those sides: seen from
-  // the other side of its cell a parabola is too high, but there the cell's other side is lower.
+  // The square of cell x reaches from x - 0.5 to x + 0.5, and parabolas stand on these sides.
+  // Beyond the other side of its cell a parabola is too high, but there the other side's parabola
+  // is lower.
   Envelope envelope;
   for (std::size_t row = 0; row < distance.size(); row += columns) {
     envelope.clear();

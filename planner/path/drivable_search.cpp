@@ -19,33 +19,33 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
-/// A step is this share of the turning radius long: 14 degrees of a turn. At most half a vehicle's
-/// length, at least two cells.
+/// Length of a step as a share of the turning radius: 14 degrees of a turn. A step is at most half
+/// a vehicle's length and at least kFewestCells cells long.
 constexpr double kStepOfRadius = 0.25;
 constexpr double kFewestCells = 2;
-/// Curvatures that steps end with: this many to each side of straight on, up to the limit.
+/// Number of curvatures, to each side of straight on and up to the limit, with which steps end.
 constexpr int kLevels = 4;
-/// States are told apart by position (in steps) and heading (parts of a turn).
+/// Parts of a step and parts of a turn by which states are told apart.
 constexpr double kPositionBins = 2;
 constexpr int kHeadingBins = 72;
-/// Headings that a path may begin with where any will do.
+/// Number of headings that a path may begin with if any heading will do.
 constexpr int kStartHeadings = 24;
-/// Price of a metre with the greatest curvature, and of one in which the curvature changes by that
-/// much, in metres.
+/// Additional price of a metre, in metres: with the greatest curvature, and in a step over which
+/// the curvature changes by as much.
 constexpr double kBent = 0.2, kSteered = 0.2;
-/// After so many states there is no path, for all that is known: a second.
+/// Number of states after which the search gives up and says that there is no path: a second.
 constexpr std::size_t kMostStates = 150'000;
 /// A fitted curve may exceed the limits of curvature and of its rate by this share.
 constexpr double kRounding = 0.02;
 /// A goal that is a point is met when the end is this near to it, in cells.
 constexpr double kMet = 0.02;
 constexpr double kMetHeading = 0.01;  ///< rad
-/// The end of a path is bent to a goal that it passes by up to half a step, at a heading that is
-/// off by this, rad.
+/// The end of a path is bent to a goal if the path passes it by up to half a step, with a heading
+/// that is off by less than this, rad.
 constexpr double kHeadingNear = 0.3;
-/// A vehicle leaves what it touches at the start within this many of its lengths.
+/// A vehicle has to leave what it touches at the start within this many of its lengths.
 constexpr double kLeavesWithin = 1.5;
-/// Discs may be deeper in an obstacle than at the start by this, m.
+/// Depth by which discs may be deeper in an obstacle than at the start, m.
 constexpr double kDeeper = 0.01;
 
 /// A state of the search: where a step ended.
@@ -122,7 +122,8 @@ void DrivableSearch::begin() {
     if (!grid_.is_free(options_.footprint, pose)) {
       overlaps_ = grid_.overlaps(options_.footprint, pose);
     }
-    // The reference point's course; the vehicle points to the outside of it.
+    // A path has the heading of the reference point's course. The vehicle points to the outside of
+    // it.
     const double drift = yaw_on_path(0, request_.start_curvature, options_.footprint.rear_axle());
     begin_with(*request_.start_heading - drift, request_.start_curvature, 0);
     if (!options_.turns_on_the_spot) return;
@@ -135,7 +136,8 @@ void DrivableSearch::begin() {
         request_.start_heading ? std::remainder(heading - *request_.start_heading, 2 * kPi) : 0.0;
     const PlanarPose pose{request_.start, heading};
     if (!grid_.is_free(options_.footprint, pose)) continue;
-    // A turn on the spot costs the way of the vehicle's corners, and that it has to stop for it.
+    // A turn on the spot costs the way of the vehicle's corners, and more because the vehicle has
+    // to stop.
     const double stop = request_.start_heading ? reach : 0.0;
     begin_with(heading, 0, stop + std::abs(turn) * reach);
   }
@@ -148,7 +150,8 @@ void DrivableSearch::begin_with(double heading, double curvature, double cost) {
   add(node);
 }
 
-/// m: by the cells, and by the turning radius where the goal has a heading.
+/// Estimate of the cost that is left, m: by the cells and, if the goal has a heading, by the
+/// turning radius.
 double DrivableSearch::left_from(const PathPoint& place) const {
   const double over_cells = left_over_cells(place.position);
   const PathGoal& goal = request_.goal;
@@ -158,7 +161,8 @@ double DrivableSearch::left_from(const PathPoint& place) const {
   return std::max(over_cells, grid_.least_cost_factor() * curve);
 }
 
-/// m. A vehicle may be free in a cell whose centre is too near to an obstacle: a neighbour counts.
+/// Cost that is left over cells, m. A vehicle may be free in a cell whose centre is too near to an
+/// obstacle: the cheapest neighbour then counts.
 double DrivableSearch::left_over_cells(const Vector2d& position) const {
   const GridGeometry& geometry = grid_.geometry();
   const Cell own = geometry.cell_at(position);
@@ -189,7 +193,7 @@ std::uint64_t DrivableSearch::key(const PathPoint& place) const {
 void DrivableSearch::add(const Node& node) {
   double left = node.at_goal ? 0 : left_from(node.place);
   if (left == kNever) {
-    // Only on the way out of what the vehicle touches from the start on.
+    // This is allowed only on the way out of what the vehicle touches at the start.
     if (node.place.arc_length > 0 && overlaps_.empty()) return;
     left = node.from < 0 ? 0 : (node.place.position - nodes_.front().place.position).norm();
     if (node.place.arc_length > kLeavesWithin * 2 * options_.footprint.circumscribed_radius()) {
@@ -307,7 +311,8 @@ std::optional<Curve> DrivableSearch::curve_to(std::int32_t index) const {
   for (const std::int32_t i : way) {
     curve.curvature.push_back(nodes_[static_cast<std::size_t>(i)].place.curvature);
   }
-  // The last node's curvature was noted where the step was cut off: it goes on as it went there.
+  // The last node has the curvature of the place where the step was cut off. It is extrapolated to
+  // the end of a whole step.
   const double before = curve.spacing * static_cast<double>(way.size() - 2);
   const double share = (curve.length - before) / curve.spacing;
   double& last = curve.curvature.back();

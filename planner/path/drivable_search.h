@@ -8,19 +8,20 @@
 namespace blindcorner {
 
 /// A* over poses and curvatures (the hybrid A* of Dolgov, Thrun, Montemerlo and Diebel 2010, with
-/// the curvature as a state). A step is a clothoid of one length that the vehicle can drive from
-/// where it is, with the speed that it can have there (CurveLimits), and that touches nothing. It
-/// costs what the grid says of its middle, times its slowness, and a little for being bent. The
-/// estimate of what is left is the cost of the cheapest way over cells. Of states that lie in the
-/// same cell of pose and curvature the cheapest is followed. The path found is then straightened
-/// out between its nodes (Curve fitted()) as far as it stays one that can be driven.
+/// the curvature as a state). Each step is a clothoid of the same length that the vehicle can drive
+/// from where it is, at the speed that it can have there (CurveLimits), and that touches nothing.
+/// Its cost is the integral of the grid's cost factor times the slowness, and a little for bends.
+/// The estimate of the cost that is left is that of the cheapest way over cells or, for a goal with
+/// a heading, that of the shortest curve if it is larger. Of states that lie in the same cell of
+/// pose and curvature, the cheapest is followed. The path found is then straightened out between
+/// its nodes (Curve fitted()) as far as the vehicle can still drive it.
 ///
-/// Where the vehicle stands nearer to an obstacle than the options ask, its path may begin so, but
+/// If the vehicle stands nearer to an obstacle than the options ask, its path may begin there, but
 /// leads no deeper.
 Path drivable_path(const PlanningGrid& grid, const PathRequest& request,
                    const PathPlannerOptions& options, GridSearch& cells);
 
-/// Cells that a goal lies in: those of its line, or the point's.
+/// Cells that a goal lies in: those of its line, or that of its point.
 std::vector<Cell> goal_cells(const GridGeometry& geometry, const PathGoal& goal);
 
 /// Integral of the cost factor along points, m.

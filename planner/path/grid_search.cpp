@@ -16,25 +16,26 @@ namespace blindcorner {
 namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
-/// Width of a bucket, cells times cost. Measured on city maps: narrower ones do not save
-/// expansions, from wider ones cells are expanded before their cheapest way is known.
+/// Width of a bucket, cells times cost. Measured on city maps: narrower buckets do not save
+/// expansions, and with wider ones cells are expanded before their cheapest way is known.
 constexpr double kBucketWidth = 0.5;
-/// Costlier cells share the last bucket, which is slower and as exact.
+/// Costlier cells share the last bucket, which is slower but just as exact.
 constexpr std::size_t kMaxBuckets = 1U << 20U;
 
 constexpr double kDiagonal = std::numbers::sqrt2;
 constexpr std::array<double, kSteps> kStepLengths{1, kDiagonal, 1, kDiagonal,
                                                   1, kDiagonal, 1, kDiagonal};  // cells
 
-/// Steps worth trying from a cell that a step led to, where every cell costs the same: others are
-/// matched by ways that do not pass through the cell. Of equal ways the one with its diagonal steps
-/// first is kept (Harabor & Grastien 2011; Sturtevant & Rabin, "Canonical Orderings on Grids",
-/// 2016), for the rule that diagonal steps do not cut corners. `steps`: all that the cell allows.
+/// Steps worth trying from a cell that `step` led to, if every cell costs the same. The cells
+/// behind other steps can be reached at the same cost without this cell. Of equal ways the one with
+/// its diagonal steps first is kept (Harabor & Grastien 2011; Sturtevant & Rabin, "Canonical
+/// Orderings on Grids", 2016), for the rule that diagonal steps do not cut corners. `steps` holds
+/// all steps that the cell allows.
 constexpr unsigned canonical_steps(unsigned step, unsigned steps) {
   const auto turned = [step](unsigned by) { return 1U << (step + by) % kSteps; };
   if (step % 2 == 1) return steps & (turned(0) | turned(1) | turned(7));
   unsigned kept = turned(0);
-  // The cells beside the last one matter: past an obstacle there the cell is the only way.
+  // The cells beside the previous one matter: past an obstacle there, this cell is the only way.
   if ((steps & turned(3)) == 0) kept |= turned(1) | turned(2);
   if ((steps & turned(5)) == 0) kept |= turned(7) | turned(6);
   return steps & kept;
@@ -116,7 +117,7 @@ CellPath GridSearch::search(const PlanningGrid& grid, const Cell& start, const C
   return path;
 }
 
-/// Steps cost the same both ways, so that the search goes from the goals, without an estimate.
+/// Steps cost the same both ways. The search therefore begins at the goals, without an estimate.
 std::vector<double> GridSearch::costs_to(const PlanningGrid& grid, std::span<const Cell> goals) {
   prepare(grid, {});
   estimate_scale_ = 0;
@@ -161,7 +162,8 @@ void GridSearch::reach(const Cell& cell, std::size_t index, double cost, std::ui
   lowest_ = std::min(lowest_, bucket);
 }
 
-/// The next cell to be expanded. False when no way that leads to a cost below `bound` is left.
+/// Finds the next cell to expand. Returns false when no way is left that leads to a cost below
+/// `bound`.
 bool GridSearch::pop(OpenCell& open, double bound) {
   for (; lowest_ < buckets_.size(); ++lowest_) {
     const bool last = static_cast<double>(lowest_) * kBucketWidth >= bound;
@@ -198,7 +200,8 @@ CellPath GridSearch::trace(const PlanningGrid& grid, const Cell& start, const Ce
   CellPath path;
   path.status = PathStatus::found;
   std::size_t straight = 0, diagonal = 0;
-  // The cost is summed anew: with a heuristic weight a way may have become cheaper since.
+  // The cost is summed again: with a heuristic weight, a way may have become cheaper since it was
+  // found.
   double cost = 0;
   for (Cell cell = goal; !(cell == start);) {
     path.cells.push_back(cell);

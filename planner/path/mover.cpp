@@ -8,13 +8,13 @@
 namespace blindcorner {
 namespace {
 
-/// Movers of less probability are left to braking: as cells that are no obstacles.
+/// Movers of lower probability are left to braking, like cells that are no obstacles.
 constexpr double kAvoided = 0.2;
-/// Seconds that are looked ahead: later, a mover has changed its mind or the vehicle its speed.
+/// Time that is examined, s: later, a mover has changed its mind or the vehicle its speed.
 constexpr double kHorizon = 4;
 /// Margin on all sides, m, and the most that a standard deviation adds to it.
 constexpr double kMargin = 0.3, kMostSigma = 1.0;
-/// A vehicle that is slower will not be where its path says, m/s.
+/// Speed below which a vehicle will not be where its path says, m/s.
 constexpr double kSlow = 1;
 
 }  // namespace

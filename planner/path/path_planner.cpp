@@ -14,8 +14,8 @@
 namespace blindcorner {
 namespace {
 
-/// Beyond the circumscribed radius an obstacle is a risk up to this multiple of it: the car of
-/// 4.5 x 1.8 m then prefers 5 m of distance, the middle of a street of 10 m.
+/// An obstacle is a risk up to this multiple of the circumscribed radius. The car of 4.5 x 1.8 m
+/// then prefers 5 m of distance, the middle of a street of 10 m.
 constexpr double kRiskReach = 2;
 
 void check_place(const char* what, const Eigen::Vector2d& place,

@@ -13,7 +13,8 @@ namespace blindcorner {
 namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
-/// Touching is no collision, m: well above the rounding of single-precision clearances up to 10 m.
+/// Overlap that counts as touching, which is no collision, m: well above the rounding of
+/// single-precision clearances up to 10 m.
 constexpr double kTouch = 1e-6;
 /// Parts of a line shorter than this share of a cell are roundings at a cell's corner.
 constexpr double kCorner = 1e-9;
@@ -24,7 +25,7 @@ void check_field(bool fine, const char* field, double value, const char* accepte
               "; accepted: " + accepted);
 }
 
-/// From a point to the square of a cell (cells).
+/// The point of a cell's square that is nearest to a point (cells).
 Eigen::Vector2d nearest_of_square(const Eigen::Vector2d& point, int column, int row) {
   return {std::clamp(point.x(), static_cast<double>(column), column + 1.0),
           std::clamp(point.y(), static_cast<double>(row), row + 1.0)};
@@ -202,7 +203,7 @@ bool PlanningGrid::reaches_obstacle(const Eigen::Vector2d& center, double radius
   }
   const auto cell_of = [](double place, int cells) {
     if (place >= cells) return cells;
-    return place > -1 ? static_cast<int>(std::floor(place)) : -1;  // no number: no cell
+    return place > -1 ? static_cast<int>(std::floor(place)) : -1;  // not a number: no cell
   };
   const int first_row = std::max(0, cell_of(at.y() - reach, geometry_.rows));
   const int last_row = std::min(geometry_.rows - 1, cell_of(at.y() + reach, geometry_.rows));

@@ -14,10 +14,10 @@ namespace blindcorner {
 namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
-/// A plan is looked at in every frame at places at most so many cells apart: a disc of the radius
-/// of a cell reaches 1/30 of a cell into a corner between two of them.
+/// Largest distance between the places at which a plan is checked in every frame, in cells: a disc
+/// of the radius of a cell reaches 1/30 of a cell into a corner between two of them.
 constexpr double kLookedAt = 0.5;
-/// And for movers so often, m: less than half of any vehicle that moves among them.
+/// The same for movers, m: less than half of any vehicle that moves among them.
 constexpr double kMoverStep = 0.25;
 
 void check_option(bool fine, const char* field, double value, const char* accepted) {
@@ -39,15 +39,16 @@ std::vector<double> costs_to_end(const PlanningGrid& grid, const Path& path) {
   return costs;
 }
 
-/// Place of the first point at or after an arc length.
+/// Index of the first point at or after an arc length.
 std::size_t first_after(const Path& path, double arc_length) {
   const auto after = std::ranges::lower_bound(path.points, arc_length, {}, &PathPoint::arc_length);
   return static_cast<std::size_t>(
       std::min<std::ptrdiff_t>(after - path.points.begin(), std::ssize(path.points) - 1));
 }
 
-/// Arc length from `from` on of the first place where the vehicle touches an obstacle; infinite
-/// where there is none. Of obstacles that it is in already, where it gets deeper.
+/// Arc length of the first place, from `from` on, where the vehicle touches an obstacle; infinite
+/// if there is none. An obstacle that the vehicle is in already counts where the vehicle gets
+/// deeper.
 double first_blocked(const PlanningGrid& grid, const VehicleFootprint& body, const Path& path,
                      double from) {
   constexpr double kDeeper = 0.01;  // m
@@ -204,7 +205,8 @@ PlanUpdate Replanner::update(const PlanningGrid& grid, const PlanarPose& vehicle
   return update;
 }
 
-/// Compared with what the plan was made for, not with the last frame: a goal may creep.
+/// Whether the goal is new. It is compared with the goal that the plan was made for and not with
+/// that of the last frame, because a goal may creep.
 bool Replanner::is_new_goal(const PathGoal& goal) const {
   const auto moved = [&](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
     return (a - b).norm() > options_.goal_tolerance;
@@ -258,7 +260,7 @@ void Replanner::keep(PlanUpdate& update) {
   update.arc_length = arc_length_;
 }
 
-/// At the goal. Another goal is planned for as if it were the first.
+/// Stands at the goal. Another goal is planned for as if it were the first.
 void Replanner::stand(const PlanarPose& vehicle, double speed, PlanUpdate& update) {
   reset();
   update.action = PlanAction::stop;
@@ -266,7 +268,7 @@ void Replanner::stand(const PlanarPose& vehicle, double speed, PlanUpdate& updat
   update.stops_too_late = 0.5 * speed * speed / options_.deceleration > options_.goal_tolerance;
 }
 
-/// Brakes along the plan from where the vehicle was seen last, all of it where the speed is not
+/// Brakes along the plan from where the vehicle was seen last, along all of it if the speed is not
 /// known.
 void Replanner::halt(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
                      PlanUpdate& update) {
@@ -295,7 +297,7 @@ void Replanner::adopt(const PlanningGrid& grid, Path path) {
 /// Takes a new path, keeps the present one, or stops.
 void Replanner::decide(const PlanningGrid& grid, const PlanarPose& vehicle, double speed, Path path,
                        PlanUpdate& update) {
-  // Who crosses the plan is braked for on it, where there is no other.
+  // If there is no other plan, the vehicle brakes on this one for the mover that crosses it.
   const bool no_other = update.reason == PlanReason::crossed && !path.found();
   const bool could_keep =
       update.reason == PlanReason::refresh || update.reason == PlanReason::costlier;
@@ -317,7 +319,7 @@ void Replanner::decide(const PlanningGrid& grid, const PlanarPose& vehicle, doub
   update.path = *plan_;
 }
 
-/// Brakes along what is free of the present plan, or where the vehicle stands.
+/// Brakes along the free part of the present plan, or where the vehicle stands.
 void Replanner::stop(const PlanningGrid& grid, const PlanarPose& vehicle, double speed,
                      PlanUpdate& update) {
   update.action = PlanAction::stop;

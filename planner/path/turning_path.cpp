@@ -14,12 +14,12 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Corners are rounded from at most half of the shorter line on, and tried again with half as much
-/// until this many cells.
+/// Rounding begins at most half of the shorter line before a corner. If that is not free, half as
+/// much is tried, down to this many cells.
 constexpr double kLeastRounded = 0.25;
 /// Corners sharper than this are turned on the spot, rad.
 constexpr double kSharp = 0.9 * kPi;
-/// Places that are looked at are at most this many cells apart.
+/// Largest distance between places that are checked, in cells.
 constexpr double kLookedAt = 0.25;
 
 double direction(const Vector2d& vector) { return std::atan2(vector.y(), vector.x()); }
@@ -34,8 +34,8 @@ bool can_slide(const PlanningGrid& grid, double radius, const Vector2d& from, co
   return true;
 }
 
-/// The cell that a search begins or ends in. The vehicle may stand where it is free in a cell whose
-/// centre is nearer to an obstacle: then the nearest traversable cell that it can slide to.
+/// The cell that a search begins or ends in. The vehicle may be free in a cell whose centre is too
+/// near to an obstacle: the nearest traversable cell that it can slide to is then taken.
 Cell search_cell(const PlanningGrid& grid, double radius, const Vector2d& place) {
   const Cell own = grid.geometry().cell_at(place);
   if (!grid.geometry().contains(own) || grid.traversable(own)) return own;
@@ -71,7 +71,8 @@ std::vector<Vector2d> points_of(const PlanningGrid& grid, const PathRequest& req
   return points;
 }
 
-/// A way that is put together of straight lines, bends and turns on the spot, and looked at.
+/// A way that is put together from straight lines, bends and turns on the spot, and checked on the
+/// way.
 class Track {
  public:
   Track(const PlanningGrid& grid, const PathPlannerOptions& options, const Vector2d& start)
@@ -110,8 +111,8 @@ void Track::add(const PathPoint& point) {
   }
 }
 
-/// A turn's curvature is that of one within the points' spacing: its integral over the two
-/// neighbouring points is its angle.
+/// Turns on the spot. The turn's point gets a curvature whose integral over the two neighbouring
+/// intervals is the turn's angle.
 void Track::turn(double heading) {
   const double angle = std::remainder(heading - end_.heading, 2 * kPi);
   const double reach = options_.footprint.circumscribed_radius();
@@ -144,8 +145,9 @@ void Track::drive(const Vector2d& to) {
   }
 }
 
-/// Straight on to a bend by an angle that begins `tangent` m before a corner, and the bend:
-/// curvature rises evenly and falls evenly. False, and nothing is driven, where that is not free.
+/// Drives straight on to `tangent` m before a corner and then a bend by an angle, on which the
+/// curvature rises evenly and falls evenly. If the bend is not free, returns false and drives
+/// nothing.
 bool Track::bend(const Vector2d& corner, double angle, double tangent) {
   const Curve unit{{}, 0.5, 1, {0, 2 * angle, 0}};
   const double chord = unit.points(0.05).back().position.norm();
@@ -205,7 +207,8 @@ Path turning_path(const PlanningGrid& grid, const PathRequest& request,
     }
     path.status = PathStatus::no_path;
     const std::vector<Vector2d> points = points_of(wide, request, way);
-    // Where a line that the cells take for free touches, the way over their centres is left.
+    // Where a line that is free by its cells touches something, the way over the cells' centres is
+    // tried.
     for (const std::vector<Vector2d>& corners : {shortcut(wide, points), points}) {
       if (corners.front() == corners.back() && corners.size() == 2) {
         path.points = {{request.start, request.start_heading.value_or(0), 0, 0}};

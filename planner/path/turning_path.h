@@ -7,8 +7,9 @@
 namespace blindcorner {
 
 /// The cheapest way over cells, with straight lines in place of steps, and corners rounded by
-/// clothoids as far as there is room. Where there is none the vehicle turns on the spot, if it has
-/// room for that; and if not, the way is looked for again where there is.
+/// clothoids as far as there is room. Where there is no room, the vehicle turns on the spot. If
+/// there is no room for that either, another way is searched for on which the vehicle can turn
+/// anywhere.
 Path turning_path(const PlanningGrid& grid, const PathRequest& request,
                   const PathPlannerOptions& options, GridSearch& cells);
 

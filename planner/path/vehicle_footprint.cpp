@@ -10,8 +10,8 @@
 namespace blindcorner {
 namespace {
 
-/// Discs reach beyond the sides by at most this share of the half width: 10 cm for a car, less than
-/// what its pose is known to, with 6 discs.
+/// Discs reach beyond the sides by at most this share of the half width: 10 cm for a car with 6
+/// discs, less than the error of its pose.
 constexpr double kOverhang = 0.1;
 
 void check_length(const char* what, double value, bool zero_is_fine) {

@@ -13,7 +13,7 @@ namespace {
 
 enum State { kX, kY, kYaw, kAlong, kAcross, kYawRate, kSteering, kFront, kRear, kStates };
 
-/// Below it the course is taken as the car's long axis, m/s.
+/// Speed below which the course is taken as the car's long axis, m/s.
 constexpr double kStanding = 1e-3;
 
 /// Slip and force per load of an axle's tyres, in the wheel's frame.
@@ -76,8 +76,8 @@ class Car : public VehicleModel {
     const Contact front = contact(turn.inverse() * front_hub, x[kFront]);
     const Contact rear = contact(rear_hub, x[kRear]);
     const Eigen::Vector2d front_force = turn * front.force;  // per load, in the car's frame
-    // Loads follow from the acceleration and the acceleration from forces, which are proportional
-    // to loads: one linear equation for the acceleration along the car.
+    // Loads follow from the acceleration, and the acceleration from forces that are proportional to
+    // the loads. This gives one linear equation for the acceleration along the car.
     const double height = p_.gravity_center_height, base = p_.wheelbase();
     const double along = kGravity *
                          (p_.rear_axle * front_force.x() + p_.front_axle * rear.force.x()) /
@@ -150,7 +150,8 @@ class Car : public VehicleModel {
   /// the tyre slides, nothing from twice that on.
   double eased(double slip) const { return std::clamp(2 - slip / slip_limit(), 0.0, 1.0); }
 
-  /// Acceleration that the driven rear wheels can hold: mu times their load under it, m/s^2.
+  /// Acceleration that the driven rear wheels can hold: mu times their load under that
+  /// acceleration, m/s^2.
   double traction() const {
     return kGravity * c_.friction * p_.front_axle /
            (p_.wheelbase() - c_.friction * p_.gravity_center_height);

@@ -13,7 +13,7 @@ namespace {
 
 enum State { kX, kY, kYaw, kLeft, kRight, kStates };
 
-/// Speed at which a requested curvature becomes a yaw rate when the robot is slower, m/s.
+/// Least speed at which a requested curvature becomes a yaw rate, m/s.
 constexpr double kTurningSpeed = 0.2;
 
 class DifferentialDrive : public VehicleModel {
@@ -62,16 +62,16 @@ class DifferentialDrive : public VehicleModel {
   VehicleCommand command(const StateVector& x, const DriveRequest& request,
                          double dt) const override {
     const VehicleState now = motion(x);
-    // A wheel that is clipped alone trades braking for turning: where both are too much, turning
-    // gets what is left, half of the wheels' acceleration at least.
+    // Clipping one wheel alone would trade braking for turning. If both together are too much,
+    // turning gets what braking leaves, at least half of the wheels' acceleration.
     const double limit = p_.acceleration;
     const double asked =
         std::clamp(without_reversing(request.acceleration, now.speed, dt), -limit, limit);
     const double turn_limit = std::max(limit - std::abs(asked), limit / 2);
     const double fastest = 2 * p_.wheel_speed / p_.track;
     double forward = asked, turn = 0;
-    // The yaw rate is that of the curvature at the speed that is reached: a fixed point, which half
-    // a track over the curve's radius (0.1 at 1 m) contracts to.
+    // The yaw rate is that of the curvature at the speed that is reached. It is a fixed point, and
+    // each pass multiplies the error by half a track over the curve's radius (0.1 at 1 m).
     for (int pass = 0; pass < 4; ++pass) {
       const double speed = std::max(std::abs(now.speed + forward * dt), kTurningSpeed);
       const double wanted = std::clamp(request.curvature * speed, -fastest, fastest);

@@ -10,14 +10,14 @@ namespace blindcorner {
 /// Steering rate that the steering gear follows: none into its stop (CommonRoad's rule).
 double possible_steering_rate(const SingleTrackParameters& parameters, double angle, double rate);
 
-/// Acceleration that engine and brakes follow: above full_power_speed the engine's falls with
-/// 1/speed, beyond the range of speeds there is none (CommonRoad's rule).
+/// Acceleration that engine and brakes follow. Above full_power_speed the engine's acceleration
+/// falls with 1/speed; beyond the range of speeds there is none (CommonRoad's rule).
 double possible_acceleration(const SingleTrackParameters& parameters, double speed,
                              double acceleration);
 
-/// Steering angle, rad, at which the centre of gravity rolls along a curvature without slip. Also
-/// with slip where both axles' tyres are alike: load and lateral force are shared alike, so slip
-/// angles are equal and cancel.
+/// Steering angle, rad, at which the centre of gravity rolls along a curvature without slip. It
+/// holds also with slip if both axles' tyres are alike: the axles share load and lateral force in
+/// the same proportion, so that slip angles are equal and cancel.
 double steering_angle_for(const SingleTrackParameters& parameters, double curvature);
 
 /// Settings that reach a request's curvature within `dt` and do not drive past standstill.
@@ -27,7 +27,7 @@ VehicleCommand single_track_command(const SingleTrackParameters& parameters, dou
 /// Limits with `friction` = mu g in m/s^2.
 VehicleLimits single_track_limits(const SingleTrackParameters& parameters, double friction);
 
-/// Acceleration that comes to rest rather than to reverse within `dt`.
+/// The acceleration, limited so that the vehicle comes to rest and does not reverse within `dt`.
 double without_reversing(double acceleration, double speed, double dt);
 
 }  // namespace blindcorner

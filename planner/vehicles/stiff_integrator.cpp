@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The only file that sees Boost.
+/// The only file that includes Boost.Odeint.
 #include <algorithm>
 #include <boost/numeric/odeint/stepper/rosenbrock4.hpp>
 #include <boost/numeric/odeint/stepper/rosenbrock4_controller.hpp>
@@ -21,13 +21,16 @@ namespace odeint = boost::numeric::odeint;
 using Vector = boost::numeric::ublas::vector<double>;
 using Matrix = boost::numeric::ublas::matrix<double>;
 
-/// Where the equations jump (at a limit, between two models) no inner step passes the error test.
-/// One of this share of the step is then taken explicitly: it errs by at most the jump times its
-/// length (1e-7 s of a step of 0.1 s), and is far below the fastest time constant (about 1e-5 s).
+/// Where the equations jump (at a limit, between two models), no inner step passes the error test.
+/// An inner step of this share of the step is then taken explicitly. Its error is at most the jump
+/// times its length (1e-7 s for a step of 0.1 s), and it is far below the fastest time constant
+/// (about 1e-5 s).
 constexpr double kShortestShare = 1e-6;
-/// Harsh steps of the car take some 50 inner steps; equations that take so many have no solution.
+/// Most inner steps. Harsh steps of the car take some 50; equations that take this many have no
+/// solution.
 constexpr int kMaxInnerSteps = 20'000;
-/// Forward differences: error of rounding and of the quotient are about equal.
+/// Relative step of forward differences: the errors of rounding and of the quotient are about
+/// equal.
 const double kDifference = std::sqrt(std::numeric_limits<double>::epsilon());
 
 StateVector from(const Vector& x) {

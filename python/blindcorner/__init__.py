@@ -9,8 +9,8 @@
 
 Lengths are metres, angles radians, times seconds, unless a name ends in another unit. Histograms
 are numpy arrays [captures, zones, bins]; zones count row by row. Vectors and matrices over poses
-follow the order of ``Scene.unknowns``. What is wrong is told by :class:`Error`, in one line that
-names the place, what was found and what is accepted. All calculations run without the
+follow the order of ``Scene.unknowns``. Mistakes raise :class:`Error`, whose one line names the
+place, what was found and what is accepted. All calculations run without the
 interpreter's lock, and Ctrl-C ends them.
 """
 
@@ -32,7 +32,7 @@ from ._studies import (
 )
 from ._render import render
 
-# They are known by the names under which they are imported.
+# Their full names are those under which users import them.
 Error.__module__ = OutputError.__module__ = __name__
 
 __all__ = [

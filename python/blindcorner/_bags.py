@@ -25,13 +25,13 @@ DEFINITION = "\n".join(
     + [f"int64[] {name}" for name in ("depths_1", "confs_1", "depths_2", "confs_2")]
     + [f"string {name}" for name in ("histogram_type", "port")]
 )
-# What holds the counts in such messages, and in an element of an array of histograms.
+# Fields that hold the counts: of such messages, and of the elements of an array of histograms.
 FIELDS = ("hists", "histograms")
 PARTS = ("data", "bins", "counts", "values", "histogram")
 
 
 def is_bag(path: PathLike) -> bool:
-    """Whether a file or directory is one that ROS records, by its ending or its metadata.yaml."""
+    """Whether a file or directory is a ROS bag, by its ending or its metadata.yaml."""
     place = Path(path)
     return place.suffix in (".bag", ".db3", ".mcap") or (place / "metadata.yaml").is_file()
 
@@ -39,10 +39,10 @@ def is_bag(path: PathLike) -> bool:
 def load_bag(path: PathLike, *, topic: str = "", i2c_address: int = 0) -> tuple[Captures, list[str]]:
     """Captures from a ROS 2 bag (sqlite3 or MCAP; ROS 1 as well), and what was left out or assumed.
 
-    Messages are recognised by what they hold, such as ``tmf882x_interfaces/msg/TMF882XMeasure``:
-    ``hists`` or ``histograms``, either all zones' counts in one array beside ``num_zones`` and
-    ``num_bins``, or an array of messages with an array of counts each. ``topic`` and
-    ``i2c_address`` choose where several sensors speak. Raises Error.
+    Messages are recognised by a field ``hists`` or ``histograms``, which for example
+    ``tmf882x_interfaces/msg/TMF882XMeasure`` has. The field holds either all zones' counts in one
+    array, beside ``num_zones`` and ``num_bins``, or an array of messages with an array of counts
+    each. ``topic`` and ``i2c_address`` choose one of several sensors. Raises Error.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -69,7 +69,7 @@ def load_bag(path: PathLike, *, topic: str = "", i2c_address: int = 0) -> tuple[
 
 
 def _messages(bag: Any, connections: list[Any]) -> tuple[list[Any], list[str]]:
-    """Messages up to the first that cannot be read, and what is wrong with that."""
+    """The messages before the first one that cannot be read, and lines that say why it cannot."""
     messages: list[Any] = []
     try:
         for connection, _, raw in bag.messages(connections):
@@ -98,9 +98,9 @@ def _chosen_topic(path: str, topic: str, topics: list[str], types: list[str]) ->
 
 
 def histograms_of(message: Any) -> NDArray[np.float64]:
-    """[zones, bins] counts of a message as ``load_bag`` takes it, or of one of std_msgs' arrays whose
-    layout has the dimensions zones and bins, or rows, columns and bins; [0, 0] where it has none.
-    Raises ValueError."""
+    """[zones, bins] counts of a message that ``load_bag`` takes, or of an array of std_msgs whose
+    layout has the dimensions zones and bins, or rows, columns and bins. [0, 0]: the message holds
+    no histograms. Raises ValueError."""
     if hasattr(message, "layout") and hasattr(message, "data"):
         sizes = [int(axis.size) for axis in message.layout.dim]
         if len(sizes) not in (2, 3):

@@ -23,7 +23,7 @@ class Captures:
     """Histograms [captures, zones, bins] with their metadata.
 
     ``counts`` is a numpy array of doubles (averaged captures are not whole numbers); zones count
-    row by row. Slices (``captures[3]``, ``captures[10:20]``) look at the same memory.
+    row by row. Slices (``captures[3]``, ``captures[10:20]``) are views of the same memory.
     """
 
     counts: NDArray[np.float64]
@@ -55,7 +55,7 @@ class Captures:
         dispersion: variance / mean of one exposure's counts; None: the sensor's.
         truth: for each capture what is known of the object: x_m, y_m, z_m, yaw_rad, size.
         sensor_poses: [captures, 4, 4] take sensor coordinates to the world, m; None: the scene's.
-        Raises Error where these do not suit each other.
+        Raises Error if these do not suit each other.
         """
         array = np.ascontiguousarray(counts, dtype=np.float64)
         if array.ndim == 4:
@@ -118,7 +118,7 @@ class Captures:
         return captures
 
     def _arrays(self) -> CoreArrays:
-        """As the library takes them."""
+        """The captures as the library takes them."""
         return (
             np.ascontiguousarray(self.counts, dtype=np.float64),
             json.dumps(self.metadata),
@@ -163,12 +163,12 @@ class Captures:
 
     @property
     def sensor_poses(self) -> NDArray[np.float64]:
-        """[captures, 4, 4] take sensor coordinates to the world, m; NaN where a capture has none of
-        its own and the scene's counts."""
+        """[captures, 4, 4] take sensor coordinates to the world, m; NaN: the capture has no pose of
+        its own, so that of the scene is used."""
         return np.array([_pose_matrix(e.get("sensor_pose")) for e in self.metadata["captures"]])
 
     def cube(self) -> NDArray[np.float64]:
-        """The counts as [captures, rows, columns, bins]; looks at the same memory."""
+        """The counts as [captures, rows, columns, bins], a view of the same memory."""
         return self.counts.reshape(len(self), self.rows, self.columns, self.bins)
 
     def save(self, path: PathLike) -> None:
@@ -273,11 +273,12 @@ def import_captures(
 ) -> Captures:
     """Captures from other programs' files (docs/capture.md says what is read, and how).
 
-    The options are those of ``blindcorner import``: ``axes`` the order of an array's axes,
-    ``pattern`` the columns of any text table, ``bin_width_ps`` the width of a bin where the file does not say it, ps, ``truth`` what is known
-    of the object in each capture. A ROS 2 bag (sqlite3, MCAP) with messages of a TMF882x is read with
-    the package rosbags; ``topic`` names one of several. What was left out or assumed comes as a warning, one line each.
-    Raises Error that names file, place, what was found and what is accepted.
+    The options are those of ``blindcorner import``. ``axes`` is the order of an array's axes,
+    ``pattern`` the columns of any text table, ``bin_width_ps`` the width of a bin, ps, where the
+    file does not state it, ``truth`` what is known of the object in each capture. A ROS 2 bag
+    (sqlite3, MCAP) with messages of a TMF882x is read with the package rosbags; ``topic`` names one
+    of several. Warnings say what was left out or assumed, one line each. Raises Error that names
+    file, place, what was found and what is accepted.
     """
     from ._bags import is_bag, load_bag
 

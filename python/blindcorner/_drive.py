@@ -88,12 +88,12 @@ class DriveRun:
 
     @property
     def length_m(self) -> float:
-        """m driven."""
+        """Length of the way that was driven, m."""
         return self._core.length
 
     @property
     def time_s(self) -> float:
-        """s that the drive took."""
+        """Time that the drive took, s."""
         return self._core.time
 
     @property
@@ -108,7 +108,7 @@ class DriveRun:
 
     @property
     def trace_step_s(self) -> float:
-        """s between rows of ``trace``."""
+        """Time between rows of ``trace``, s."""
         return self._core.trace_step
 
     @property
@@ -153,7 +153,8 @@ def drive(
     drive.
 
     perception: los, solver, cnn, cnn_wide or oracle; by default the drive file's.
-    speed_m_per_s: wanted speed. injected_error_m: by which misled oracles miss the truth.
+    speed_m_per_s: wanted speed. injected_error_m: distance by which misled oracles miss the
+    truth.
     weights: of networks. pictures: keep what the page needs.
     progress: called before each sensor frame with the time of the drive, s. Raises Error.
     """
@@ -234,10 +235,10 @@ def plan(
 
     map: a file, or an array [rows, columns] of probabilities (NaN: unknown; row 0 has the lowest y)
         whose cells are ``cell_size_m`` wide and whose lower left corner is ``origin_m`` [2].
-    start, goal: x, y in m. The vehicle is a rectangle, a disc (``radius_m``) or a point; it turns no
-    tighter than ``min_turning_radius_m``. unknown: probability of unknown cells. risk_weight,
-    risk_radius_m: how much, and how far, obstacles are kept away from. Raises Error for wrong maps
-    and numbers; a path that is not there is told by ``status``.
+    start, goal: x, y in m. The vehicle is a rectangle, a disc (``radius_m``) or a point; it turns
+    no tighter than ``min_turning_radius_m``. unknown: probability of unknown cells. risk_weight,
+    risk_radius_m: how strongly, and within which distance, the path keeps away from obstacles.
+    Raises Error for wrong maps and numbers; if there is no path, ``status`` says so.
     """
     name = "array"
     if isinstance(map, (str, os.PathLike)):

@@ -21,7 +21,8 @@ OPTIONS = ("tolerance", "scored_poses", "starts", "importance_samples", "empty_c
 
 
 def fit_options(given: dict[str, Any]) -> dict[str, Any]:
-    """All options of a fit, the library's own where none is given. Raises Error for other names."""
+    """All options of a fit, with the library's defaults for those not given. Raises Error for other
+    names."""
     for name in given:
         if name not in OPTIONS:
             raise Error(f'fit: found the option "{name}", accepted: {", ".join(OPTIONS)}')
@@ -29,14 +30,15 @@ def fit_options(given: dict[str, Any]) -> dict[str, Any]:
 
 
 class Fitter:
-    """Fits captures of one scene; what it compiles for the scene serves all of them, in any thread.
+    """Fits captures of one scene. What it compiles for the scene serves all captures, in any
+    thread.
 
     Options (those of ``blindcorner fit``, the same defaults):
         tolerance: tolerated error of the fast model, a share of the signal's peak; by default it
             follows from each capture.
         scored_poses: most poses scored before refinement; starts: most candidates refined.
-        importance_samples: where Laplace's approximation fails; 0: never.
-        empty_captures: simulated for the false-alarm probability; 0: leave it out.
+        importance_samples: number drawn where Laplace's approximation fails; 0: never.
+        empty_captures: number simulated for the false-alarm probability; 0: leave it out.
         cache_bytes: most memory for compiled sensor placements.
         seed: of everything random. The same seed gives the same result in any thread.
     """
@@ -49,9 +51,9 @@ class Fitter:
         progress: FitProgress | None = None,
         **options: Any,
     ) -> None:
-        """``captures`` are those that will be fitted, if they are known: bins that many of them fill
-        up are left out (a warning says which), and how many share a sensor pose decides how poses
-        are scored. Raises Error."""
+        """``captures`` are those that will be fitted, if they are known. Bins that many of them
+        fill up are left out (a warning says which). The number of captures that share a sensor pose
+        decides how poses are scored. Raises Error."""
         suited = None
         if captures is not None:
             suited = _core.suit(scene._core, *captures._arrays())
@@ -72,7 +74,7 @@ class Fitter:
         return fitter
 
     def fit(self, capture: Captures) -> Result:
-        """Pose of the hidden object from one capture. Raises Error where the capture does not suit
+        """Pose of the hidden object from one capture. Raises Error if the capture does not suit
         the scene (zones, bins, values that are no counts)."""
         if len(capture) != 1:
             raise Error(f"capture: found {len(capture)} captures, accepted: one; fit_each takes many, "
@@ -84,8 +86,8 @@ class Fitter:
 
     def fit_each(self, captures: Captures,
                  progress: Callable[[int, int], None] | None = None) -> Results:
-        """Each capture by itself, several at a time. One that fails says so in its ``error``.
-        ``progress`` is called with the captures done and their number."""
+        """Fits each capture by itself, several at a time. If one fails, the ``error`` of its result
+        says why. ``progress`` is called with the number of captures done and that of all."""
         fits = self._core.fit_each(*captures._arrays(), progress)
         return Results([Result._of(self.scene, fit) for fit in fits], self.scene)
 
@@ -126,7 +128,7 @@ class Tracker:
         return result
 
     def results(self) -> Results:
-        """All frames so far, with what later ones say of earlier ones (``track.smoothed_pose``)."""
+        """Results of all frames so far. ``track.smoothed_pose`` also uses the later frames."""
         return Results([Result._of(self.scene, fit) for fit in self._core.smoothed()], self.scene)
 
 

@@ -31,15 +31,15 @@ def render(
     """Captures of a scene, as ``blindcorner render`` makes them: the same seed gives the same counts.
 
     pose: of the object, by names (``{"x_m": 0.3, "yaw_deg": 20}``; names left out keep the scene's
-        values), or a vector or an array [poses, unknowns] (m, rad, 1); a list of them makes a
-        capture each.
-    random: so many more poses from the scene's prior.
-    sensor_pose: by names or as a matrix [4, 4] (m), or a list of them; ``frames`` spreads so many
-        poses along the way through them.
+        values), or a vector or an array [poses, unknowns] (m, rad, 1). Each pose of a list makes a
+        capture.
+    random: number of further poses, drawn from the scene's prior.
+    sensor_pose: by names or as a matrix [4, 4] (m), or a list of them. ``frames`` spreads this
+        number of poses along the way through them.
     photons: of the third bounce in a capture, over an equal background; 0: the scene's exposure.
     model: "reference", or the faster "fast" (with its ``tolerance``, a share of the peak).
     noiseless: expected counts, without ambient light; empty: without an object.
-    progress: called with the captures done and their number.
+    progress: called with the number of captures done and that of all.
     Returns captures with the true pose and the sensor's. Raises Error.
     """
     poses: list[list[tuple[str, float]]] = []

@@ -20,7 +20,7 @@ from ._scene import PathLike, Scene
 
 
 def numbers(value: Any) -> NDArray[np.float64]:
-    """An array from JSON, whose nulls are NaN."""
+    """An array from numbers in JSON; null becomes NaN."""
     return np.array(value, dtype=np.float64)
 
 
@@ -38,8 +38,8 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class FittedHistograms:
-    """The best fit of one capture; arrays [zones, bins], expected counts. They look at the result's
-    own memory."""
+    """The best fit of one capture; arrays [zones, bins], expected counts. They are views of the
+    result's own memory."""
 
     measured: NDArray[np.float64]  #: the capture
     model: NDArray[np.float64]  #: all terms of the model
@@ -82,17 +82,17 @@ class Result:
 
     @property
     def periods(self) -> NDArray[np.float64]:
-        """[unknowns] after how much each repeats, rad; 0: never."""
+        """[unknowns] period after which each repeats, rad; 0: it does not."""
         return numbers(self._head["periods"])
 
     @property
     def source(self) -> str | list[str] | None:
-        """File that the capture came from; of a joint fit a list."""
+        """File that the capture came from; for a joint fit, a list of files."""
         return self._entry["source"]
 
     @property
     def index(self) -> int | list[int] | None:
-        """The capture's place in its file; of a joint fit a list."""
+        """The capture's place in its file; for a joint fit, a list of places."""
         return self._entry["index"]
 
     @property
@@ -170,7 +170,7 @@ class Result:
 
     @property
     def histograms(self) -> list[FittedHistograms]:
-        """For each capture measured and fitted histograms; empty for a result that was read from a
+        """Measured and fitted histograms of each capture. Empty for a result that was read from a
         file or came from another process."""
         if self._fit is None:
             return []
@@ -185,8 +185,9 @@ class Result:
         return self._fit.headline if self._fit is not None else ""
 
     def draw(self, n: int, seed: int | np.random.Generator | None = None) -> NDArray[np.float64]:
-        """[n, unknowns] poses drawn from the mixture, m, rad or 1: how they scatter if there is an
-        object. Yaws lie about their mode's, not wrapped. Raises Error without a mode."""
+        """[n, unknowns] poses drawn from the mixture, m, rad or 1. They scatter as the posterior
+        does if there is an object. Yaws lie about that of their mode and are not wrapped. Raises
+        Error without a mode."""
         modes = self.modes
         if not modes:
             raise Error(f"draw: {self.error or 'there is no mode'}")
@@ -208,7 +209,8 @@ class Result:
         Results([self], self._scene).save(directory)
 
     def page(self) -> str:
-        """The page of ``blindcorner fit`` as HTML. Raises Error for a result that was read."""
+        """The page of ``blindcorner fit`` as HTML. Raises Error for a result that was read from a
+        file."""
         return Results([self], self._scene).page()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -306,7 +308,8 @@ class Results(Sequence[Result]):
         _core.write_index(os.fspath(folder))
 
     def page(self) -> str:
-        """The page of ``blindcorner fit`` as HTML. Raises Error for results that were read."""
+        """The page of ``blindcorner fit`` as HTML. Raises Error for results that were read from a
+        file."""
         fits = [r._fit for r in self._results if r._fit is not None]
         if len(fits) != len(self._results):
             raise Error("page: found results of a file or of another process, which lack the "
@@ -323,7 +326,7 @@ class Results(Sequence[Result]):
 
 
 def load_results(path: PathLike) -> Results:
-    """Reads a ``result.json``, or that of a directory. Raises Error."""
+    """Reads a ``result.json``, or the one in a directory. Raises Error."""
     file = Path(path)
     if file.is_dir():
         file = file / "result.json"

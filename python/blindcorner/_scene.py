@@ -26,7 +26,8 @@ SensorPoseLike = Union[Mapping[str, float], NDArray[np.floating[Any]]]
 
 def bundled(name: str = "") -> str:
     """Path of a scene, drive or capture that comes with the package, such as "tmf8828_wall.json" or
-    "captures/tmf8828_wall.exr"; of the folder without a name. Raises Error for other names."""
+    "captures/tmf8828_wall.exr". Without a name: path of their folder. Raises Error for other
+    names."""
     folder = Path(__file__).parent / "scenes"
     path = folder / name
     if not path.exists():
@@ -48,7 +49,8 @@ def preset(name: str) -> dict[str, Any]:
 
 class Scene:
     """Sensor, known surfaces, the kind of object and which components of its pose are unknown, as a
-    scene file says (docs/scene.md). Cannot be changed; :meth:`with_fields` makes another one."""
+    scene file says (docs/scene.md). A scene cannot be changed; :meth:`with_fields` makes
+    another one."""
 
     def __init__(self, core: _core.Scene) -> None:
         self._core = core
@@ -56,7 +58,8 @@ class Scene:
     @classmethod
     def load(cls, path: PathLike, instrument: PathLike | None = None) -> Scene:
         """Reads a scene file; ``instrument`` is a file of :meth:`Calibration.save` or of
-        ``blindcorner calibrate``, put over it. Raises Error with a line for each problem."""
+        ``blindcorner calibrate``, whose fields replace those of the scene. Raises Error with a line
+        for each problem."""
         return cls(_core.Scene.load(os.fspath(path), os.fspath(instrument or "")))
 
     @classmethod
@@ -66,7 +69,8 @@ class Scene:
         return cls(_core.Scene.from_text(json.dumps(fields), os.fspath(path)))
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields of the scene file, as they were read (degrees, picoseconds: the keys say)."""
+        """The fields of the scene file, as they were read. The keys state the units (degrees,
+        picoseconds)."""
         return json.loads(self._core.text)
 
     def with_fields(self, **fields: Any) -> Scene:
@@ -96,7 +100,8 @@ class Scene:
 
     @property
     def periods(self) -> NDArray[np.float64]:
-        """[unknowns] after how much each repeats, rad (the symmetry of the shape); 0: never."""
+        """[unknowns] period after which each repeats, rad (the symmetry of the shape); 0: it does
+        not."""
         return np.array(self._core.periods)
 
     @property
@@ -140,8 +145,8 @@ class Scene:
         return np.ascontiguousarray(self._core.sensor_pose)
 
     def pose(self, pose: PoseLike | None = None, **components: float) -> NDArray[np.float64]:
-        """A pose as a vector [unknowns], m, rad or 1: what the scene states, with the named
-        components put in, as ``scene.pose(x_m=0.3, yaw_deg=20)``. Raises Error for other names."""
+        """A pose as a vector [unknowns], m, rad or 1: that of the scene, except for the named
+        components, as in ``scene.pose(x_m=0.3, yaw_deg=20)``. Raises Error for other names."""
         if pose is None or isinstance(pose, Mapping):
             return self._core.pose(named({**(pose or {}), **components}))
         vector = np.ascontiguousarray(pose, dtype=float)

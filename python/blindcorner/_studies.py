@@ -30,14 +30,15 @@ class Calibration:
 
     @property
     def scene(self) -> Scene:
-        """The scene with all that was found out put in, as ``fit --instrument`` uses it."""
+        """The scene with everything that was found out, as ``fit --instrument`` uses it."""
         core = self.before._core
         return Scene(_core.Scene.from_text(_core.patched_text(core.text, self._text), core.path,
                                            core.nominal_bin_width_s))
 
     @property
     def parameters(self) -> list[dict[str, Any]]:
-        """Name, prior, value, standard error of each, and whether the data determine it."""
+        """Name, prior, value and standard error of each parameter, and whether the data determine
+        it."""
         return self.document["parameters"]
 
     def to_dict(self) -> dict[str, Any]:
@@ -73,9 +74,10 @@ def calibrate(
     """Finds out about the instrument (time zero, pulse, gains, noise, background) from captures of
     known objects (their ``truth``), or of none (``no_object``), as ``blindcorner calibrate``.
 
-    assignments, wraps: try which relay spot belongs to which zone, where time axes wrap.
+    assignments: find out which relay spot belongs to which zone. wraps: find out where time axes
+    wrap.
     background: estimate static light of each zone. variance_scale: scale the noise until fits of
-    these captures are honest. progress: called with the share done, 0 to 1. Raises Error.
+    these captures are honest. progress: called with the share that is done, 0 to 1. Raises Error.
     """
     text = _core.calibrate(scene._core, *captures._arrays(), no_object, assignments, wraps,
                            background, variance_scale, progress)
@@ -192,10 +194,10 @@ def bound(
     """The error to expect, before there is a capture; ask the returned :class:`Bound` about places.
 
     photons: of the third bounce on average over the search region, over an equal background; 0: the
-        scene's own exposure. exposures, ambient (counts per bin of one exposure): instead of these.
+        scene's own exposure. exposures, ambient (counts per bin of one exposure): stated instead.
     test_poses: poses that a place may be mistaken for. prior: count what the scene says of the pose.
     tolerance: of the fast model, a share of the peak. seed: of simulated empty captures.
-    progress: called with the test poses done and their number. Raises Error.
+    progress: called with the number of test poses done and that of all. Raises Error.
     """
     return Bound(scene, _core.Bound.make(scene._core, photons, exposures, ambient, test_poses, prior,
                                          tolerance, seed, progress))

@@ -44,8 +44,8 @@ struct CaptureArrays {
   std::vector<int> indices;
 };
 
-/// As the library takes them; counts are copied. Throws Error where the metadata does not suit the
-/// counts.
+/// The captures as the library takes them; the counts are copied. Throws Error if the metadata does
+/// not suit the counts.
 CaptureFile captures_of(const CaptureArrays& arrays);
 
 /// (counts, metadata, sources, indices); the captures are used up.

@@ -79,8 +79,7 @@ nb::tuple import(const std::vector<std::string>& paths, const std::string& forma
 
 using Pose = std::vector<NamedNumber>;
 
-/// `poses` of the objects and of the sensor by names, those of the sensor as [n, 4, 4] where they
-/// are given so.
+/// Renders captures. `poses` are those of the objects, by names; `sensor_poses` are [n, 4, 4].
 nb::tuple render(const ScenePointer& data, const std::vector<Pose>& poses, int random,
                  const std::vector<Eigen::Matrix4d>& sensor_poses, int frames,
                  const std::string& model, bool noiseless, bool empty, std::uint64_t seed,

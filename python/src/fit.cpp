@@ -43,8 +43,9 @@ struct Fit {
 };
 using FitPointer = std::shared_ptr<Fit>;
 
-/// Stops the fits of one fitter, whose progress says nothing of whose it is: the fit that was told
-/// to stop ends, others that were disturbed begin again.
+/// Stops fits of one fitter. The fitter's progress does not say which fit it belongs to, so a
+/// request to stop disturbs all running fits. The fit that was told to stop ends; the others begin
+/// again.
 class Stops {
  public:
   struct Call {
@@ -73,7 +74,7 @@ class Stops {
     const std::scoped_lock lock(mutex_);
     return call.told;
   }
-  /// Until no call is on its way to an end.
+  /// Waits until every call that was told to stop has ended.
   void wait() {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return told_ == 0; });
@@ -93,14 +94,14 @@ struct FitterState {
 };
 using FitterPointer = std::shared_ptr<FitterState>;
 
-/// What captures make of a scene and of a fit's options, for fitters elsewhere.
+/// How captures change a scene and a fit's options, for fitters that are made elsewhere.
 struct Suited {
   int captures_per_placement = 1;
   std::vector<std::tuple<bool, int, int>> zones;  ///< dead, first and last valid bin
   std::string left_out;                           ///< one line; empty: nothing
 };
 
-/// A file's captures; throws Error where its bins are not as wide as the scene's.
+/// The captures of a file. Throws Error if the file's bins are not as wide as the scene's.
 CaptureFile suiting(const SceneData& scene, const CaptureArrays& arrays) {
   CaptureFile file = captures_of(arrays);
   const std::string problem = bin_width_problem(file.bin_width, scene.nominal_bin_width);
@@ -184,7 +185,7 @@ FitPointer pack(const FitterState& state, FitResult result, std::span<const Capt
   return fit;
 }
 
-/// A result of each capture; those that fail say so in their error.
+/// A result for each capture. The error of a result says why a capture failed.
 std::vector<FitPointer> fit_each(const FitterPointer& state, const Input<3>& counts,
                                  const std::string& metadata,
                                  const std::vector<std::string>& sources,
@@ -254,7 +255,7 @@ class TrackerState {
     return fits_.back();
   }
 
-  /// All frames so far, with what later ones say of earlier ones.
+  /// All frames so far, with the smoothed poses that later frames give earlier ones.
   std::vector<FitPointer> smoothed() {
     const std::scoped_lock lock(mutex_);
     std::vector<FitPointer> all;
@@ -286,7 +287,8 @@ FitPointer advance(const std::shared_ptr<TrackerState>& tracker, const Input<3>&
                    const std::vector<int>& indices, std::optional<double> dt) {
   const auto file = std::make_shared<const CaptureFile>(
       suiting(*tracker->fitter()->scene, {counts, metadata, sources, indices}));
-  // A frame half taken in would leave the track in between: a frame is short, so it is finished.
+  // A frame that was half taken in would leave the track in an invalid state. A frame takes little
+  // time, so it is finished.
   return interruptible([tracker, file, dt] { return tracker->advance(file->captures.at(0), dt); },
                        [] {});
 }

@@ -17,8 +17,8 @@ namespace blindcorner::python {
 
 namespace nb = nanobind;
 
-/// Thrown through the library by work that was told to stop. No std::exception: that would become
-/// the error of a capture.
+/// Thrown through the library by work that was told to stop. It is no std::exception, which would
+/// become the error of a capture.
 struct Stopped {};
 
 /// What a Python callback raised, on its way through the library.
@@ -29,15 +29,16 @@ struct CallbackFailed {
 /// Whether this is the thread in which Python handles signals.
 bool on_main_thread();
 
-/// Keeps a thread whose work was told to stop until it has; none outlives the interpreter.
+/// Keeps a thread whose work was told to stop, until join_abandoned(). No such thread outlives the
+/// interpreter.
 void abandon(std::thread thread);
 
-/// Waits for threads that were abandoned. For the interpreter's end.
+/// Waits for all threads that were abandoned. To be called at the interpreter's end.
 void join_abandoned();
 
-/// Runs `work`, which owns all that it needs and touches no Python object, without the lock. In
-/// the main thread, signals are handled meanwhile: one that raises (Ctrl-C) calls `stop`, and this
-/// throws at once; the work goes on alone until it notices.
+/// Runs `work` without the interpreter's lock. `work` owns all that it needs and touches no Python
+/// object. In the main thread, signals are handled meanwhile. If one raises (Ctrl-C), this calls
+/// `stop` and throws at once; the work goes on alone until it notices.
 template <typename Work>
 std::invoke_result_t<Work&> interruptible(Work work, const std::function<void()>& stop) {
   using Result = std::invoke_result_t<Work&>;
@@ -68,7 +69,7 @@ std::invoke_result_t<Work&> interruptible(Work work, const std::function<void()>
   }
 }
 
-/// A flag for work that looks at it.
+/// A flag that asks work to stop; the work has to look at it.
 class StopFlag {
  public:
   StopFlag() : asked_(std::make_shared<std::atomic<bool>>(false)) {}

@@ -17,7 +17,7 @@ const char* commit();  // cmake/GitCommit.cmake
 
 namespace {
 
-/// Threads that the library may use; 0: one per processor.
+/// Sets the number of threads that the library may use; 0: one per processor.
 void set_threads(int count) {
   static std::unique_ptr<tbb::global_control> limit;
   if (count < 0 || count > 1024) {

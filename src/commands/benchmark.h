@@ -27,7 +27,7 @@ void add_drives_benchmark(CLI::App& benchmark, int& exit_code);
 void add_coverage_benchmark(CLI::App& benchmark, int& exit_code);
 void add_detection_benchmark(CLI::App& benchmark, int& exit_code);
 
-/// What studies of the forward models are told.
+/// Arguments that the studies have in common.
 struct StudyArguments {
   std::vector<std::string> scenes;  ///< files; none: those of the folder `scenes` here
   std::string output = "out/benchmark";
@@ -39,8 +39,8 @@ void add_study_options(CLI::App& command, StudyArguments& arguments, int most_po
 
 FastModelOptions at_tolerance(double tolerance);
 
-/// The files asked for; without any those of the folder `scenes` here, sorted. Throws Error when
-/// there is none.
+/// The files asked for. If there are none, the scene files of the folder `scenes` here, sorted.
+/// Throws Error when there is none either.
 std::vector<std::string> scene_files(const std::vector<std::string>& asked);
 
 /// Calls `study` with each scene and its own sensor placement. Scenes whose relay points come with
@@ -48,15 +48,15 @@ std::vector<std::string> scene_files(const std::vector<std::string>& asked);
 void for_each_scene(const StudyArguments& arguments,
                     const std::function<void(const Scene&, const SensorPlacement&)>& study);
 
-/// A study: how its files are called, what its page says above table and charts, and what is said
-/// of each of its units: a scene, a level of light, a way to plan.
+/// A study: the name of its files, the text of its page above table and charts, and what is told of
+/// its units. A unit is a scene, a level of light or a way to plan.
 template <class Unit>
 struct Study {
   std::string name;  ///< of the files, without extension
   std::string title, text;
   TableRow (*row)(const Unit&);
   std::vector<Chart> (*charts)(const std::vector<Unit>&);
-  std::string (*csv)(const std::vector<Unit>&) = nullptr;  ///< none: the rows
+  std::string (*csv)(const std::vector<Unit>&) = nullptr;  ///< none: CSV of the rows
 };
 
 /// Writes NAME.csv and NAME.html, each completely or not at all.
@@ -65,10 +65,11 @@ void write_study(const StudyArguments& arguments, const std::string& name, const
 /// Text, table and charts.
 std::string study_page(const std::string& title, const std::string& text,
                        const std::vector<TableRow>& rows, const std::vector<Chart>& charts);
-/// Says on standard output where they are; with --json it prints the table.
+/// Says on standard output where the study's files are; with --json it prints the table instead.
 void print_study_files(const StudyArguments& arguments, const std::string& name);
 
-/// Units of a study as they come: each is printed, and the files hold all that are there.
+/// Takes the units of a study one by one. It prints each, and writes the files anew with all units
+/// so far.
 template <class Unit>
 class StudyRun {
  public:

@@ -21,17 +21,17 @@ namespace {
 
 struct DerivativeArguments : StudyArguments {
   DerivativeArguments() { poses = 3; }
-  double tolerance = 0.1;  ///< where a fit begins
+  double tolerance = 0.1;  ///< that a fit begins with
 };
 
 /// One unknown of a scene.
 struct Derivative {
   std::string scene, unknown;
   double lever = 1;  ///< m per unit of the unknown
-  double step = 0;   ///< default one, in the unknown's unit
+  double step = 0;   ///< default step, in the unknown's unit
   std::vector<DerivativeErrors> poses;
 
-  /// Of the pose for which it is largest.
+  /// The largest error of all poses.
   template <typename ErrorOf>
   double worst(ErrorOf error) const {
     double most = 0;
@@ -61,7 +61,7 @@ std::vector<Derivative> study(const DerivativeArguments& arguments, const Scene&
     const auto k = static_cast<Eigen::Index>(i);
     Derivative s{scene.name, names[i], lever_of(scene, scene.unknowns[i]), steps[k], {}};
     for (const PoseVector& pose : poses) {
-      // 1 micrometre to 10 cm, five steps a decade.
+      // Movements of 1 micrometre to 10 cm, five steps a decade.
       std::vector<double> sizes;
       for (int n = 0; n <= 25; ++n) sizes.push_back(1e-6 * std::pow(10.0, n / 5.0) / s.lever);
       s.poses.push_back(derivative_errors(*model, pose, k, sizes, steps[k]));

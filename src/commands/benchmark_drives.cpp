@@ -41,7 +41,7 @@ struct Run {
   DriveClaims claims;
 };
 
-/// All drives of a file at one light by one perception.
+/// All drives of one drive file at one light with one perception.
 struct DrivesRow {
   std::string drive, perception;
   double light = 1;

@@ -22,7 +22,8 @@
 namespace blindcorner {
 namespace {
 
-/// Sampling of the fast model in units of what its closed-form estimates ask for at 1 %.
+/// Sampling steps of the fast model, in units of the steps that its closed-form estimates ask for
+/// at a tolerance of 1 %.
 constexpr double kSamplingSteps[] = {16, 11.3, 8, 5.66, 4, 2.83, 2, 1.41, 1, 0.71, 0.5};
 constexpr double kSamplingTolerance = 0.01;
 /// Tolerances that a user may ask for; the model finds its sampling itself.
@@ -44,7 +45,7 @@ struct Setting {
   double microseconds = 0, relative_l2 = 0, worst_bin = 0;
 };
 
-/// One scene's truth, and the noise of one capture against it.
+/// The true light of one scene, and the noise of one capture relative to it.
 struct Truth {
   std::vector<PoseVector> poses;
   std::vector<HistogramCube> light;
@@ -52,7 +53,8 @@ struct Truth {
   double noise_peak = 0;  ///< standard deviation of the brightest bin over its light
 };
 
-/// Noise of one capture relative to the object's light: what a model's error hides behind.
+/// Adds the noise of one capture relative to the object's light. A smaller error of a model hides
+/// behind this noise.
 void add_noise(const Scene& scene, const HistogramCube& direct, Truth& truth) {
   double variance = 0, square = 0, peak = 0, peak_variance = 0;
   const LinearValues linear{scene.linear.fixed_amplitude, scene.linear.fixed_ambient,
@@ -191,8 +193,8 @@ struct SceneStudy {
   Truth truth;
   std::vector<Setting> settings;
 
-  /// Microseconds of the cheapest setting of a model whose error is at most 1 %; NaN: there is
-  /// none.
+  /// Microseconds of the cheapest setting whose error is at most 1 %, of the fast model or of the
+  /// reference. NaN: there is none.
   double cheapest(bool fast) const {
     double best = kNone;
     for (const Setting& s : settings) {
@@ -201,7 +203,7 @@ struct SceneStudy {
     }
     return best;
   }
-  /// Of the model that was asked for 1 %; NaN: there is none.
+  /// A figure of the fast model at a tolerance of 1 %. NaN: it was not measured.
   double asked(double Setting::*what) const {
     const auto found = std::ranges::find(settings, "tolerance 0.01", &Setting::name);
     return found == settings.end() ? kNone : (*found).*what;
@@ -222,7 +224,7 @@ std::string csv(const std::vector<SceneStudy>& studies) {
   return text;
 }
 
-/// A noise this many times the largest error is told, not drawn.
+/// A noise of at least this many times the largest error is stated in the title, not drawn.
 constexpr double kFarAbove = 10;
 
 std::vector<Chart> charts(const std::vector<SceneStudy>& studies) {

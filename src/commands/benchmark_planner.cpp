@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `blindcorner benchmark planner`: problems whose shortest path is published, and what a path that
-/// is longer saves of the time.
+/// `blindcorner benchmark planner`: problems with a published shortest path, and how much time a
+/// longer path saves.
 #include <tbb/task_arena.h>
 
 #include <CLI/CLI.hpp>
@@ -25,10 +25,10 @@
 namespace blindcorner {
 namespace {
 
-/// A length is met within this, cells, or within the rounding of the file where that is larger:
-/// then it is counted apart.
+/// A length meets its optimum within this, cells, or within the rounding of the file if that is
+/// larger. Lengths that need the rounding are counted apart.
 constexpr double kTolerance = 1e-3;
-/// Problems that the run time is judged by: the longest ones.
+/// The run time is judged by this many problems, the longest ones.
 constexpr std::size_t kLongest = 100;
 
 struct PlannerArguments : StudyArguments {
@@ -36,7 +36,7 @@ struct PlannerArguments : StudyArguments {
   std::vector<double> weights{1, 1.5, 2, 3, 4, 5};
 };
 
-/// A length in cells, NaN where no path was found, and what it took.
+/// The length of a path in cells (NaN: none was found), and the work that it took.
 struct Solution {
   double length = std::numeric_limits<double>::quiet_NaN();
   double time = 0;  ///< ms of one processor
@@ -48,7 +48,7 @@ struct Problems {
   std::vector<std::size_t> longest;  ///< by their optimum
 };
 
-/// One way to plan, over all problems in the file's order.
+/// One way to plan, with its solutions of all problems in the file's order.
 struct Variant {
   std::string name;
   const Problems* problems = nullptr;
@@ -57,8 +57,8 @@ struct Variant {
   auto unsolved() const {
     return std::ranges::count_if(solutions, [](const auto& s) { return std::isnan(s.length); });
   }
-  /// Values of the longest problems, of the problem and its solution; those without a path, and
-  /// values that are not numbers, are left out.
+  /// Values of the longest problems and their solutions. Problems without a path, and values that
+  /// are not finite, are left out.
   std::vector<double> of_longest(double (*value)(const MovingAiProblem&, const Solution&)) const {
     std::vector<double> values;
     for (const std::size_t i : problems->longest) {
@@ -69,8 +69,8 @@ struct Variant {
   }
 };
 
-/// A grid whose cells are squares of `factor` by `factor` of another one's, and as occupied as the
-/// most occupied of them: what is free on it is free.
+/// A grid whose cells are squares of `factor` by `factor` cells of another grid. Each is as
+/// occupied as its most occupied cell, so what is free on the coarse grid is free on the fine one.
 PlanningGrid coarser(const GridGeometry& fine, const std::vector<double>& occupancy, int factor) {
   GridGeometry coarse = fine;
   coarse.columns = (fine.columns + factor - 1) / factor;
@@ -85,8 +85,8 @@ PlanningGrid coarser(const GridGeometry& fine, const std::vector<double>& occupa
   return PlanningGrid(coarse, worst);
 }
 
-/// The grid that a problem is to be solved on: that of the terrain which it starts on, with cells
-/// of `factor` by `factor` of the map's.
+/// The grid that a problem is to be solved on: that of the terrain on which it starts. A cell of
+/// the grid is `factor` by `factor` cells of the map.
 class TerrainGrids {
  public:
   explicit TerrainGrids(const MovingAiMap& map, int factor = 1) : map_(map), factor_(factor) {}
@@ -139,8 +139,8 @@ void search_all(const PlannerArguments& arguments, const Problems& problems, Ter
   }
 }
 
-/// Straight lines at any angle in place of steps between cells, and with rounded corners, for a
-/// point.
+/// Paths for a point, of straight lines at any angle instead of steps between cells: with rounded
+/// corners and without.
 void smooth_all(const Problems& problems, TerrainGrids& grids, StudyRun<Variant>& run) {
   PathPlanner planner;
   const auto request = [](const PlanningGrid& grid, const MovingAiProblem& problem) {
@@ -169,9 +169,9 @@ void smooth_all(const Problems& problems, TerrainGrids& grids, StudyRun<Variant>
       }));
 }
 
-/// The same with larger cells. Problems whose ends lie in cells that are not all free, or whose
-/// only passages are narrower than two of them, have no path; the ways to the first and from the
-/// last cell's centre count.
+/// Searches on larger cells. A problem has no path if its ends lie in cells that are not all free,
+/// or if its only passages are narrower than two cells. The ways to the centre of the first cell
+/// and from that of the last one count.
 void search_coarser(const MovingAiMap& map, const Problems& problems, StudyRun<Variant>& run) {
   for (const int factor : {2, 4}) {
     TerrainGrids grids(map, factor);
@@ -236,7 +236,7 @@ std::vector<Chart> charts(const std::vector<Variant>& variants) {
   Chart each{"the longest problems, each", "planning time, ms", "length over optimum"};
   Chart time{"all problems", "optimum, cells", "planning time, ms"};
   for (const Variant& variant : variants) {
-    // What solves none of them has no medians.
+    // A variant that solves none of the longest problems has no medians.
     const std::vector<double> times = variant.of_longest(time_of);
     if (!times.empty()) {
       trade.series.push_back({variant.name,

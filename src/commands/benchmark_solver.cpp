@@ -32,7 +32,7 @@
 namespace blindcorner {
 namespace {
 
-/// Quantile of chi-square with n degrees of freedom that holds 99 %: the region of a mode.
+/// 99 % quantile of chi-square with n degrees of freedom. It bounds the region of a mode.
 constexpr double kRegion[] = {0, 6.635, 9.210, 11.345, 13.277, 15.086};
 
 struct SolverArguments {
@@ -51,7 +51,7 @@ struct SolverArguments {
   SweepArguments sweep;
 };
 
-/// Captures whose first fit, with a fitter that knows nothing yet, is timed.
+/// The first fit of a new fitter is timed on this many captures.
 constexpr std::size_t kFirstCaptures = 3;
 
 /// What became of one synthetic capture.
@@ -117,7 +117,7 @@ Trial run_trial(const Scene& scene, const Capture& capture, const PoseVector& tr
 struct Study {
   std::vector<Trial> trials;
   std::vector<double> first_ms;
-  std::size_t planned = 0;  ///< trials, of which fewer are there after an interruption
+  std::size_t planned = 0;  ///< trials; an interruption leaves fewer
 };
 
 TableRow summary(const std::string& scene, const Study& study) {

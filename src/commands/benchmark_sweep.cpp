@@ -43,7 +43,7 @@ std::vector<SolverSetting> wanted_settings(const std::vector<std::string>& names
                                   (near.empty() ? "" : " (did you mean " + near + "?)") +
                                   ", accepted: " + all);
   }
-  // The default is what all others are compared with.
+  // The default stays, because all others are compared with it.
   if (!names.empty()) {
     std::erase_if(settings, [&](const SolverSetting& s) {
       return s.name != known.front() && std::ranges::find(names, s.name) == names.end();
@@ -67,7 +67,8 @@ std::vector<SweptMethod> swept_methods(const Scene& scene,
   return methods;
 }
 
-/// A name that is none is said before anything is written.
+/// Throws Error if no wrong assumption has this name, before anything is written. Empty: none is
+/// asked for.
 void check_effect(const Scene& scene, const std::string& wrong) {
   std::string names;
   for (const WrongAssumption& known : wrong_assumptions(scene)) {
@@ -77,7 +78,7 @@ void check_effect(const Scene& scene, const std::string& wrong) {
   if (!wrong.empty()) throw Error("--wrong", "found " + wrong + ", accepted: " + names);
 }
 
-/// Says on the standard error stream what failed; returns the number of captures.
+/// Says on the standard error stream what failed. Returns the number of failed captures.
 int print_sweep_failures(const SweepScene& scene) {
   int failures = 0;
   for (const SweepLevel& level : scene.levels) {

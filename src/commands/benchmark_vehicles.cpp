@@ -16,12 +16,12 @@
 namespace blindcorner {
 namespace {
 
-constexpr double kInputPeriod = 0.1;  ///< commands are drawn anew every so many seconds
+constexpr double kInputPeriod = 0.1;  ///< s, between new commands
 constexpr double kDuration = 2;       ///< of a run, s
-/// At the start of runs, m/s.
+/// Speeds at the start of the runs, m/s.
 constexpr double kSpeeds[] = {0, 0.5, 1, 2, 4, 6, 8, 10, 12};
-/// A run in which any state is off by so much (m, rad, m/s, rad/s) counts as unstable. Friction is
-/// bounded: wheels swing to and fro rather than to infinity.
+/// A run in which any state is off by this much (m, rad, m/s, rad/s) counts as unstable. States
+/// need not grow to infinity: friction is bounded, so unstable wheels swing to and fro.
 constexpr double kUnstable = 1;
 constexpr double kMinDrawn = 1e-6;  ///< mm
 constexpr IntegratorTolerance kReference{1e-10, 1e-10};
@@ -39,11 +39,11 @@ struct Method {
 
 struct Run {
   double speed = 0;  ///< at the start, m/s
-  double error = 0;  ///< largest of the position at the inputs' changes, m; infinite: unstable
+  double error = 0;  ///< largest of the position at the input changes, m; infinite: unstable
   double cost = 0;   ///< processor time per second of driving, us
 };
 
-/// A method at a step, from all speeds.
+/// The runs of a method with one step, from all speeds.
 struct MethodStep {
   std::string method;
   double step = 0;  ///< s
@@ -68,7 +68,8 @@ std::vector<Method> all_methods() {
           {"RK4", make_rk4_integrator(), shorter}};
 }
 
-/// Full braking, throttle, coasting and steering in any order. The same for all methods.
+/// Commands of full braking, throttle, coasting and steering in random order, the same for all
+/// methods.
 std::vector<VehicleCommand> harsh_commands(std::uint64_t seed) {
   std::mt19937_64 random(seed);
   const auto share = [&] { return static_cast<double>(random() >> 11) * 0x1p-53; };
@@ -145,7 +146,7 @@ std::vector<Chart> charts(const std::vector<MethodStep>& measured) {
       times.points.push_back({m.mean_cost(), error, label});
     }
     for (std::size_t v = 0; v < std::size(kSpeeds); ++v) {
-      double longest = 0;  // of the steps that are stable, all shorter ones too
+      double longest = 0;  // of the steps that are stable as all shorter ones are
       for (std::size_t i = first; i < end && std::isfinite(measured[i].runs[v].error); ++i) {
         longest = measured[i].step;
       }

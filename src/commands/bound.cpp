@@ -39,7 +39,7 @@ struct BoundArguments {
   BoundOptions options;
 };
 
-/// The first object's unknown coordinate, if it is one.
+/// Index of the first object's unknown for a component. Empty: the component is known.
 std::optional<std::size_t> unknown_of(const Scene& scene, Component component) {
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
     if (scene.unknowns[i].component == component && scene.unknowns[i].object == 0) return i;
@@ -61,7 +61,7 @@ void set_light(const BoundArguments& arguments, const Scene& scene, const Sensor
   options.ambient = exposure.ambient;
 }
 
-/// Centres of cells along a coordinate; one, in its place, where it is known.
+/// Centres of cells along a coordinate. A known coordinate has a single one, at its value.
 std::vector<double> centres(const Scene& scene, const std::optional<std::size_t>& unknown,
                             double cell, double known) {
   if (!unknown) return {known};
@@ -74,7 +74,7 @@ std::vector<double> centres(const Scene& scene, const std::optional<std::size_t>
   return values;
 }
 
-/// What is held while x and y move.
+/// The pose whose other components are held while x and y move.
 PoseVector held_pose(const BoundArguments& arguments, const Scene& scene) {
   PoseVector pose =
       pose_of(arguments.pose.empty() ? stated_placements(scene) : parse_pose(scene, arguments.pose),

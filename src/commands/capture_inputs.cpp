@@ -43,7 +43,7 @@ void read_into(const std::string& path, double bin_width, std::vector<CaptureInp
   }
 }
 
-/// A whole number that is all of a text; nothing for anything else.
+/// The whole number that a text consists of. Empty: the text is anything else.
 std::optional<std::size_t> whole_number(std::string_view text) {
   std::size_t value = 0;
   const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);

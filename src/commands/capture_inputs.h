@@ -31,7 +31,7 @@ std::vector<CaptureInput> read_capture_inputs(const std::vector<std::string>& pa
                                               double bin_width);
 
 /// Keeps the inputs that `text` names: places from 0 over all files in their order, as
-/// "0-9,12,20-". Throws Error when it cannot be read, or names a place that there is not.
+/// "0-9,12,20-". Throws Error when the text cannot be read, or names a place that does not exist.
 void choose_captures(std::vector<CaptureInput>& inputs, const std::string& text);
 
 /// Throws Error with the first reason when no input has a capture.
@@ -40,8 +40,9 @@ void require_readable(const std::vector<CaptureInput>& inputs);
 /// The captures of all files, in their order. Throws Error with the reason when one is missing.
 std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, const Scene& scene);
 
-/// Where the scene's sensor stands, of a capture file (empty: none) its first capture's. Throws
-/// Error where a scene leaves to captures where its zones look and there is none.
+/// Where the scene's sensor stands or, with a capture file (empty: none), that of the file's first
+/// capture. Throws Error if there is no file and the scene leaves it to captures where its zones
+/// look.
 SensorPlacement known_placement(const Scene& scene, const std::string& capture_path);
 
 /// Throws Error where the name of a capture file to write ends in anything but .exr.

@@ -8,7 +8,7 @@
 namespace blindcorner {
 namespace {
 
-/// Random scenes that one seed may stand for.
+/// Number of random scenes that each seed has for itself.
 constexpr std::uint64_t kScenesOfASeed = 10'000;
 
 }  // namespace

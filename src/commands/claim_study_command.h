@@ -23,7 +23,7 @@
 
 namespace blindcorner {
 
-/// What every study of claims is told beside its options.
+/// Arguments of every study of claims, beside its options.
 struct ClaimStudyArguments {
   std::vector<std::string> scenes;
   std::string output = "out/benchmark", light = "reference";
@@ -32,7 +32,7 @@ struct ClaimStudyArguments {
   int random = 0;  ///< scenes drawn at random, beside those that are named
 };
 
-/// A scene of a study, and the levels of light that it comes with; none: those that the study asks
+/// A scene of a study, and the levels of light that it comes with. None: those that the study asks
 /// for.
 struct StudiedScene {
   Scene scene;
@@ -47,9 +47,9 @@ std::vector<StudiedScene> studied_scenes(const ClaimStudyArguments& arguments, s
 void add_claim_study_options(CLI::App& command, ClaimStudyArguments& arguments,
                              ClaimStudyOptions& options);
 
-/// What one of these studies is: its name, also of its files; the fits that a scene takes, for the
-/// progress bar; the study of a scene; what is said of it; the sentence that ends the output; and
-/// files by name, the page among them.
+/// One of these studies: its name, which its files have too; the number of fits that a scene takes,
+/// for the progress bar; the study of a scene; the text about a scene; the sentence that ends the
+/// output; the summary; and the files by name, the page among them.
 template <class Options, class Level>
 struct ClaimStudy {
   using Report = StudyReport<Options, Level>;
@@ -63,8 +63,8 @@ struct ClaimStudy {
   std::vector<std::pair<std::string, std::string>> (*files)(const Report&);
 };
 
-/// Runs it on all scenes, judges their claims together, and writes and says what came of it; files
-/// are written after each scene.
+/// Runs a study on all scenes, judges their claims together, and writes and prints the results. The
+/// files are written after each scene. Returns the exit code.
 template <class Options, class Level>
 int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArguments& arguments,
                     Options options) {
@@ -89,7 +89,8 @@ int run_claim_study(const ClaimStudy<Options, Level>& study, const ClaimStudyArg
     levels += studied.levels.size();
     if (!studied.levels.empty()) {
       report.scenes.push_back(std::move(studied));
-      // Page and tables grow with each scene: a run that ends early leaves them.
+      // Page and tables grow with each scene, so that a run that ends early leaves those of its
+      // scenes.
       all_hold = judge_study(report.scenes);
       for (const auto& [name, text] : study.files(report)) {
         write_atomically((directory / name).string(), text);

@@ -24,7 +24,7 @@ class App;
 
 namespace blindcorner {
 
-/// What the parts are called with; each writes its files and returns an exit code.
+/// Arguments of the parts. Each part writes its files and returns an exit code.
 struct CnnDatasetArguments {
   std::string scene;
   std::string output;
@@ -32,7 +32,7 @@ struct CnnDatasetArguments {
   double sensor_yaw_spread_deg = 2;
   int threads = 0;
   int environments = 0;  ///< > 0: SCENE is a drive file
-  int places = 1;        ///< of such, as of DriveDatasetOptions
+  int places = 1;        ///< of a drive file, as in DriveDatasetOptions
   DatasetOptions options;
 };
 int run_cnn_dataset(const CnnDatasetArguments& arguments);
@@ -72,18 +72,19 @@ void add_cnn_train(CLI::App& cnn, int& exit_code);
 void add_cnn_evaluate(CLI::App& cnn, int& exit_code);
 void add_cnn_baseline(CLI::App& cnn, int& exit_code);
 
-/// What a network says of a capture, beside its truth. Throws Error where that is missing, and as
-/// CnnBaseline::predict does.
+/// A network's estimate of a capture, beside the truth. Throws Error if the truth is missing, and
+/// whenever CnnBaseline::predict does.
 PointEstimate cnn_estimate(const Scene& scene, const Capture& capture, const CnnBaseline& cnn);
 
-/// Of the captures that a network was trained with, in the same order, those held back.
+/// The captures that a network's training held back. `captures` are all captures of the training,
+/// in the same order.
 std::vector<Capture> held_back_captures(const std::vector<Capture>& captures,
                                         const CnnBaseline& cnn);
 
 /// {"wall": ..., "processor": ...}
 nlohmann::ordered_json run_time_json(const RunTime& time);
 
-/// In the directory of a data set, beside its captures.
+/// Name of the file that describes a data set. It stands beside the captures of the set.
 inline constexpr const char* kDatasetManifest = "dataset.json";
 
 }  // namespace blindcorner

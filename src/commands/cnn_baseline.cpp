@@ -22,7 +22,8 @@ namespace {
 namespace fs = std::filesystem;
 using Json = JsonReader::Json;
 
-/// Published: 400 places by 5 poses of the sensor; 30 drives. The ensemble learns ten times that.
+/// The published data are 400 places by 5 poses of the sensor, or 30 drives. The ensemble (wide)
+/// learns ten times as many captures.
 constexpr int kWideCaptures = 20000;
 constexpr int kEnvironments = 30;
 constexpr int kWidePlaces = 10;  ///< of the hidden object in each frame
@@ -43,7 +44,7 @@ struct BaselineArguments {
   }
 };
 
-/// The scene that a drive file names; empty for a scene file.
+/// Path of the scene that a drive file names. Empty for a scene file.
 std::string scene_of_drive(const std::string& path) {
   const Json json = JsonReader::parse(read_bytes(path), path);
   if (kind_of(json) != FileKind::drive) return {};
@@ -66,11 +67,11 @@ CnnDatasetArguments data_of(const BaselineArguments& arguments, bool drive,
   return data;
 }
 
-/// Throws Error naming the file where the data that are there are not those that are asked for.
+/// Throws Error naming the file if the data that exist are not those that are asked for.
 void check_data(const std::string& path, const std::string& scene,
                 const CnnDatasetArguments& wanted) {
   const Json found = JsonReader::parse(read_bytes(path), path);
-  // The scene first: whose data they are says more than how many.
+  // The scene is compared first: a wrong scene says more about the data than their number does.
   std::vector<std::pair<std::string, Json>> fields{{"scene", read_scene(scene).name},
                                                    {"seed", wanted.options.seed}};
   if (wanted.environments > 0) {
@@ -88,7 +89,7 @@ void check_data(const std::string& path, const std::string& scene,
   }
 }
 
-/// Makes the data unless they are there.
+/// Makes the data unless they exist.
 void provide_data(const std::string& scene, const CnnDatasetArguments& wanted) {
   const std::string manifest = (fs::path(wanted.output) / kDatasetManifest).string();
   if (fs::exists(manifest)) return check_data(manifest, scene, wanted);

@@ -45,7 +45,7 @@ Json sensor_json(const Transform& T_world_sensor) {
           {"yaw_pitch_roll_deg", {angles[0], angles[1], angles[2]}}};
 }
 
-/// What data sets of both kinds say.
+/// The fields of the manifest that both kinds of data sets have.
 Json manifest(const Scene& scene, const CaptureFile& file, int exposures, std::uint64_t seed,
               const RunTime& run_time) {
   Json json;
@@ -77,7 +77,8 @@ void add_plan(const Scene& scene, const DatasetOptions& options, const DatasetPl
   for (const Transform& pose : plan.sensors) json["sensor_poses"].push_back(sensor_json(pose));
 }
 
-/// The manifest goes first and comes last: beside captures of another run it would be wrong.
+/// An old manifest is removed first and the new one is written last: beside captures of another
+/// run, a manifest would be wrong.
 void write_dataset(const fs::path& directory, const CaptureFile& file, const Json& manifest) {
   fs::remove(directory / kDatasetManifest);
   write_captures((directory / kCaptures).string(), file);
@@ -93,7 +94,7 @@ CaptureFile captures_file(const Scene& scene) {
   return file;
 }
 
-/// Frames of drives by the oracle, as published for the street.
+/// Makes a data set from frames of drives by the oracle, as published for the street.
 int run_drive_dataset(const CnnDatasetArguments& arguments) {
   const Drive drive = read_lit_drive(arguments.scene, 0);
   const DriveDatasetOptions options{arguments.environments, arguments.options.seed,

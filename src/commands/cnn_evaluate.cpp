@@ -24,7 +24,8 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-/// Of the captures that the network was trained with, those that it never saw.
+/// The captures that the network's training held back. Throws Error if `captures` are not as many
+/// as the training had.
 std::vector<Capture> only_held_back(const std::vector<Capture>& captures, const CnnBaseline& cnn,
                                     const std::string& weights) {
   const CnnTrainingRecord& record = cnn.description().training;

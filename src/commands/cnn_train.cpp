@@ -29,13 +29,13 @@ using Json = nlohmann::ordered_json;
 
 constexpr const char* kCheckpointFile = "checkpoint.pt";
 
-/// What the manifest of a data set says of its split and of how long it took to make.
+/// What the manifest of a data set says of its split, and of the time that the data took to make.
 struct Manifest {
   std::optional<std::uint64_t> split_seed;
   Json run_time;  ///< null where it does not say
 };
 
-/// Empty where there is none.
+/// The manifest of the data set that `captures` names. Empty: there is none.
 Manifest manifest_of(const std::vector<std::string>& captures) {
   if (captures.size() != 1) return {};
   const std::string path = (fs::path(captures.front()) / kDatasetManifest).string();
@@ -91,7 +91,7 @@ std::string summary_text(const Scene& scene, const CnnTrainArguments& arguments,
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-/// Trains, and leaves a checkpoint behind from which an interrupted training goes on.
+/// Trains, and writes checkpoints from which an interrupted training can go on.
 CnnTrainingResult train(const CnnTrainArguments& arguments, const Scene& scene,
                         const std::vector<Capture>& captures) {
   const std::string checkpoint_path = arguments.file(kCheckpointFile);
@@ -111,7 +111,7 @@ CnnTrainingResult train(const CnnTrainArguments& arguments, const Scene& scene,
   return train_cnn(scene, captures, arguments.options, callbacks, checkpoint);
 }
 
-/// The network's own defaults, and what the command line says instead.
+/// Sets the options to the network's own defaults, except for what the command line states.
 void apply_stated(CnnTrainArguments& arguments) {
   const CnnTrainingOptions stated = arguments.options;
   CnnTrainingOptions& options = arguments.options;

@@ -78,7 +78,7 @@ std::string replaced(std::string text, const std::string& what, const std::strin
   return text;
 }
 
-/// In single quotes, for shells of Bourne's kind.
+/// The text in single quotes, for bash and zsh.
 std::string in_quotes(const std::string& text) { return "'" + replaced(text, "'", "'\\''") + "'"; }
 
 std::string bash_script(const std::vector<CommandText>& commands) {
@@ -188,7 +188,7 @@ std::string fish_script(const std::vector<CommandText>& commands) {
   return script;
 }
 
-/// Text as roff takes it, so that no line begins with a request.
+/// The text escaped for roff, so that none of its lines is taken for a request.
 std::string roff(const std::string& text) {
   std::string escaped = replaced(replaced(text, "\\", "\\e"), "-", "\\-");
   escaped = replaced(escaped, "\n", "\n.br\n");
@@ -216,7 +216,8 @@ void show_defaults(CLI::App& app) {
     if (told || option->get_required() || option->get_items_expected_max() == 0) continue;
     option->capture_default_str();
     const std::string value = option->get_default_str();
-    // An empty list; a number that stands for none unless the description says what it does.
+    // No default is shown for an empty list, nor for -1 and 0, which stand for "none". A 0 is shown
+    // if the description says what it means.
     const bool zero = value == "0" && description.find("0:") == std::string::npos;
     if (value == "[]" || value == "-1" || zero) option->default_str("");
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What shells and man want to know of the program, from the commands as they declare themselves.
+/// Completion scripts for shells and the manual page, made from the commands' own declarations.
 #pragma once
 
 #include <string>

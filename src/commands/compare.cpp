@@ -33,7 +33,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = JsonReader::Json;
 
-/// The condition that is also drawn: places that no method has seen, nothing else changed.
+/// The condition that also has pictures: places that no method has seen, with nothing else changed.
 constexpr const char* kDrawn = "positions between the grid";
 
 struct Network {
@@ -41,7 +41,8 @@ struct Network {
   CnnBaseline cnn;
 };
 
-/// What the summary beside weights says of their training; null where it is of another one.
+/// The summary of the training beside the weights. Null: there is none, or it is of another
+/// training.
 Json training_summary(const std::string& weights, const CnnTrainingRecord& training) {
   const std::string summary = (fs::path(weights).parent_path() / "training.json").string();
   if (!fs::exists(summary)) return nullptr;
@@ -74,7 +75,8 @@ std::string training_text(const Network& network) {
          time_text(summary, "run_time_s", "trained");
 }
 
-/// "wide network"; with a number where several of one architecture were trained for one scene.
+/// "wide network", with a number if several networks of one architecture were trained for one
+/// scene.
 std::string name_of(const std::vector<Network>& networks, std::size_t which) {
   const auto same = [&](const Network& other) {
     const CnnDescription &a = networks[which].cnn.description(), &b = other.cnn.description();
@@ -86,7 +88,8 @@ std::string name_of(const std::vector<Network>& networks, std::size_t which) {
   return name + " " + std::to_string(std::count_if(networks.begin(), before, same) + 1);
 }
 
-/// A scene with the networks that were trained for it. Throws Error where one does not suit it.
+/// The methods for a scene: the untrained ones, and the networks that were trained for it. Throws
+/// Error if one of these does not suit it.
 std::vector<ComparedMethod> methods_of(const Scene& scene, const std::vector<Network>& networks,
                                        const CompareArguments& arguments) {
   const std::uint64_t seed = arguments.options.seed;
@@ -101,7 +104,7 @@ std::vector<ComparedMethod> methods_of(const Scene& scene, const std::vector<Net
   return methods;
 }
 
-/// Networks of no scene are a mistake.
+/// Throws Error if a network was trained for none of the scenes.
 void check_networks_are_used(const std::vector<Network>& networks,
                              const std::vector<Scene>& scenes) {
   for (const Network& network : networks) {
@@ -206,7 +209,7 @@ int run_simulated(CompareArguments& arguments) {
     networks.push_back({path, CnnBaseline::load(path)});
   }
   check_networks_are_used(networks, scenes);
-  // What a scene lacks is said before any of them takes its minutes.
+  // Mistakes in any scene are found here, before the comparison of another one takes minutes.
   for (const Scene& scene : scenes) {
     methods_of(scene, networks, arguments);
     plan_dataset(scene, arguments.options.dataset);

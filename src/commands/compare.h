@@ -32,10 +32,10 @@ struct CompareArguments {
   int epochs = 600, early_stopping = 60;                  ///< of their training
 };
 
-/// Says on the standard error stream what failed. Returns the number of captures.
+/// Says on the standard error stream what failed. Returns the number of failed captures.
 int failures_of(const SceneComparison& comparison);
 
-/// Page, table and JSON; says where the page is.
+/// Writes page, table and JSON, and says where the page is.
 void write_comparison(const CompareArguments& arguments, const ComparisonReport& report);
 
 /// Options of `--measured`.

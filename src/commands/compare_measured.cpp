@@ -30,7 +30,7 @@ std::vector<LearnedMethod> networks_of(const CompareArguments& arguments) {
   return networks;
 }
 
-/// "network=0.255".
+/// Parses "network=0.255": the name, and its RMSE in m.
 PublishedFigure published_figure(const std::string& text) {
   const std::size_t equals = text.find('=');
   double value = 0;

@@ -7,7 +7,7 @@
 
 namespace blindcorner {
 
-/// Cells without blanks and quotation marks about them; every row is as long as the header.
+/// Cells without the blanks and quotation marks around them. Every row is as long as the header.
 struct CsvTable {
   std::vector<std::string> header;
   std::vector<std::vector<std::string>> rows;

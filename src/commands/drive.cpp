@@ -53,8 +53,9 @@ double relative_difference(const HistogramCube& a, const HistogramCube& b) {
   return size > 0 ? std::sqrt(difference / size) : 0.0;
 }
 
-/// Counts in standard deviations of all counts' photon noise together: no estimate from the frame
-/// can be off by more of its own.
+/// Size of a difference of counts, in standard deviations of the photon noise of all counts
+/// together. It moves no estimate from the frame by more than this many of the estimate's own
+/// standard deviations.
 double against_noise(const HistogramCube& counts, const HistogramCube& expected) {
   double square = 0;
   for (std::size_t i = 0; i < expected.values.size(); ++i) {
@@ -84,8 +85,8 @@ FrameCounts counts_of(const Scene& scene, const SensedLight& light) {
   return counts;
 }
 
-/// Simulated light against the reference renderer's on frames spread over the drive: relative L2,
-/// and against the photon noise.
+/// Compares the simulated light with that of the reference renderer on frames spread over the
+/// drive: relative L2, and relative to the photon noise.
 void check_sensor(const Printout& out, const SimulatedSensor& sensor, const DriveResult& result,
                   int count) {
   std::vector<const DriveFrame*> sensed;
@@ -113,7 +114,7 @@ void check_sensor(const Printout& out, const SimulatedSensor& sensor, const Driv
   }
 }
 
-/// Of one stage over the frames in which it ran, ms.
+/// Prints the run times of one stage over the frames in which it ran, ms.
 void print_stage(const Printout& out, const char* name, const DriveResult& result,
                  double DriveTimes::*stage, double interval) {
   std::vector<double> times;
@@ -143,7 +144,7 @@ void print_real_time(const Printout& out, const Drive& drive, const DriveResult&
            result.frames.size());
 }
 
-/// What is driven with: `--perception`, or what the file says.
+/// The perceptions that are driven with: those of `--perception`, or that of the file.
 std::vector<std::string> perceptions_of(const DriveArguments& arguments, const Drive& drive) {
   if (arguments.perceptions.empty()) return {drive.perception};
   for (const std::string& name : arguments.perceptions) check_perception(name, "--perception");
@@ -164,7 +165,7 @@ void write_drive(const DriveArguments& arguments, const Drive& drive, const Driv
                  const std::filesystem::path& directory) {
   const auto& [options, result] = driven;
   make_directory(directory.string());
-  // The page first: whoever waits for drive.json then finds both.
+  // The page is written first: a program that waits for drive.json then finds both.
   if (!arguments.no_page) {
     write_atomically((directory / "drive.html").string(), drive_page(drive, options, result));
   }

@@ -41,7 +41,7 @@ struct EvaluateArguments {
   EvaluationOptions options;
 };
 
-/// Values of the unknowns by place in the result; NaN where one is not known.
+/// True values of the unknowns, by the place of the capture in the result. NaN: not known.
 using Truth = std::map<std::size_t, Eigen::VectorXd>;
 
 Eigen::VectorXd vector_of(const std::map<std::string, double>& values,
@@ -138,8 +138,8 @@ std::optional<double> mode_distance(const Json& entry, const Eigen::VectorXd& tr
   return std::isfinite(distance) ? std::optional(distance) : std::nullopt;
 }
 
-/// What one entry of the result says against its truth; nothing when either is missing.
-/// `distances` gets that of the heaviest mode.
+/// The error of one entry of the result. Empty: its estimate or its truth is missing. Adds the
+/// distance of the heaviest mode from the truth to `distances`.
 std::optional<EstimateError> error_of(const Json& entry, const Truth* truth,
                                       const std::vector<std::string>& names,
                                       const Eigen::VectorXd& periods, bool mean, std::size_t place,
@@ -182,7 +182,8 @@ std::optional<EstimateError> error_of(const Json& entry, const Truth* truth,
   return e;
 }
 
-/// The page to write, whose figures stand beside it as .json: not over what is read.
+/// The page to write. Its figures go to a .json file beside it, which must not be the result that
+/// is read.
 std::filesystem::path page_of(const EvaluateArguments& arguments) {
   if (arguments.page.empty()) {
     return std::filesystem::path(arguments.result).replace_filename("evaluation.html");

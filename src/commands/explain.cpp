@@ -35,7 +35,7 @@ using Json = nlohmann::ordered_json;
 constexpr double kTermSeconds = 0.3;
 /// Poses whose peak is below this share of the brightest one's do not count: they are dark.
 constexpr double kDark = 1e-3;
-/// Expected counts that no exposure will ever show, and whose exponents mean nothing.
+/// Expected counts below this are never seen at any exposure, and their exponents mean nothing.
 constexpr double kNoPhoton = 1e-12;
 
 struct ExplainArguments {
@@ -48,7 +48,7 @@ struct ExplainArguments {
   std::uint64_t seed = 1;
 };
 
-/// A model's light at the first poses, as far as the time went, and its processor time.
+/// A model's light at as many of the first poses as the time allowed, and its processor time.
 struct Measured {
   std::vector<HistogramCube> light;
   double microseconds = 0;  ///< median of an evaluation
@@ -115,7 +115,7 @@ struct Planned {
   TransportPlan plan;
 };
 
-/// What switching a term against the plan does.
+/// The effect of switching a term against the plan.
 struct TermCost {
   std::optional<double> change;  ///< largest of a bin, as a share of the pose's peak
   double microseconds = 0;       ///< an evaluation with the term switched
@@ -127,7 +127,8 @@ TermCost cost_of(const PlanDecision& decision, const Planned& planned, const Mea
   const bool needed = decision.term == Term::patch_pairs || decision.term == Term::dim_patches;
   if (needed && planned.plan.kernel == Kernel::brdf_pairs) return {};
   FastModelOptions switched = planned.options;
-  // A lobe's pairs have a sampling of their own, and are compared with the tolerance as a whole.
+  // A lobe's pairs have a sampling of their own, which the model chooses. The model divides the
+  // tolerance by the number of objects, but the pairs are compared at the whole tolerance.
   const bool lobe = planned.plan.kernel != Kernel::lambertian;
   if (decision.term == Term::patch_pairs && lobe) {
     switched.sampling_step.reset();
@@ -211,7 +212,7 @@ void print_zones(const Scene& scene, const std::vector<ZoneBudget>& zones) {
     all.direct += b.direct;
     all.three_bounce += b.three_bounce;
     noise += b.signal_to_noise * b.signal_to_noise;
-    // Of many zones, those on the diagonal.
+    // With many zones, only those on the diagonal are printed.
     if (zones.size() > 16 && z % static_cast<std::size_t>(scene.sensor.columns + 1) != 0) continue;
     std::printf("  %4zu %12.4g %12.4g %12.4g %10.0f %14.4g %8.2g\n", z, b.direct, b.three_bounce,
                 b.peak, b.gate_bins, b.background, b.signal_to_noise);

@@ -75,7 +75,7 @@ FitResult failure(const CaptureInput& input) {
   return failed;
 }
 
-/// Of one capture.
+/// Names the capture of a result of a single one.
 void name_capture(const Capture& capture, FitResult& result) {
   const Capture* const only = &capture;
   name_captures({&only, 1}, result);
@@ -84,7 +84,7 @@ void name_capture(const Capture& capture, FitResult& result) {
 /// Each capture on its own, in parallel; results in the order of the inputs.
 std::vector<FitResult> fit_each(const Fitter& fitter, const std::vector<CaptureInput>& inputs) {
   std::vector<FitResult> results(inputs.size());
-  std::optional<Progress> progress;  // a single capture says what is being done
+  std::optional<Progress> progress;  // a single capture shows its stages instead
   if (inputs.size() > 1) progress.emplace("captures", inputs.size());
   const auto fit_one = [&](std::size_t i) {
     if (!inputs[i].capture) {
@@ -165,8 +165,8 @@ std::vector<std::vector<CaptureConditions>> conditions_of_all(
   return conditions;
 }
 
-/// What was made of an older result in the same directory: nothing of it may stand beside a new
-/// one.
+/// Removes what was made from an older result in the same directory. It must not stand beside a new
+/// result.
 void remove_stale(const fs::path& directory) {
   for (const char* name : {"result.html", "evaluation.html", "evaluation.json"}) {
     std::error_code unimportant;  // most often there is none
@@ -174,7 +174,7 @@ void remove_stale(const fs::path& directory) {
   }
 }
 
-/// The page first: whoever waits for result.json then finds both.
+/// Writes the page first: a program that waits for result.json then finds both.
 void write_outputs(const FitArguments& arguments, const Scene& scene,
                    const std::vector<FitResult>& results, const std::vector<CaptureInput>& inputs) {
   const fs::path directory = arguments.output;
@@ -186,7 +186,7 @@ void write_outputs(const FitArguments& arguments, const Scene& scene,
   write_result(directory.string(), scene, results);
 }
 
-/// Sentences about what is odd, each once, with the number of captures that they are about.
+/// Prints the sentences about what is odd, each once and at most kMaxHints of them.
 void tell_hints(const std::vector<FitResult>& results) {
   std::vector<std::pair<std::string, std::size_t>> hints;
   for (const FitResult& result : results) {
@@ -210,7 +210,7 @@ void tell_hints(const std::vector<FitResult>& results) {
   }
 }
 
-/// What was left out is told on the standard error stream.
+/// Suits sensor and options to the captures. Says on the standard error stream what was left out.
 void suit_inputs(const std::vector<CaptureInput>& inputs, Sensor& sensor, FitOptions& options) {
   std::vector<const Capture*> captures;
   for (const CaptureInput& input : inputs) {
@@ -235,7 +235,7 @@ int run_fit(const FitArguments& arguments) {
   suit_inputs(inputs, scene.sensor, options);
   std::vector<FitResult> results;
   make_directory(arguments.output);
-  // One fit has nothing finished to keep: it ends at once.
+  // A single fit has nothing finished to keep, so Ctrl-C ends it at once.
   std::optional<Interruptible> interruptible;
   if (!arguments.joint && inputs.size() > 1) interruptible.emplace();
   {

@@ -8,7 +8,7 @@
 namespace blindcorner {
 
 /// While this lives, the first Ctrl-C (SIGINT, or SIGTERM) asks the work to end, and a second one
-/// ends the program as it otherwise would. One at a time.
+/// ends the program as it otherwise would. Only one may live at a time.
 class Interruptible {
  public:
   Interruptible();
@@ -20,7 +20,7 @@ class Interruptible {
   static bool asked();
 };
 
-/// What a capture that was not begun says, so that others can tell it from a failure.
+/// Error of a capture that was not begun. It tells such a capture from one that failed.
 inline constexpr const char* kInterrupted = "not done: interrupted";
 
 /// Says on the standard error stream how much of the work was finished, such as "12 of 60 trials";

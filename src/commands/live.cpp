@@ -34,7 +34,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::size_t kMostBrowsers = 64;
-/// Events that wait for a browser: about a second of a fast sensor.
+/// Most events that wait for a browser: about a second of a fast sensor.
 constexpr std::size_t kEventQueue = 32;
 
 struct LiveArguments {
@@ -53,7 +53,8 @@ struct LiveArguments {
 
 void say(const std::string& text) { std::fprintf(stderr, "blindcorner: %s\n", text.c_str()); }
 
-/// Reads the input until it ends; frames go to the recorder, all of them, and to the loop.
+/// Reads the input until it ends. All frames go to the recorder. The loop gets all of them only if
+/// the reading is patient, else the latest ones.
 class Reading {
  public:
   Reading(const LiveArguments& arguments, const Sensor& sensor, live::Recorder* recorder,
@@ -69,7 +70,7 @@ class Reading {
   }
   ~Reading() { end(); }
 
-  /// Whether what is not read waits, so that every frame can be fitted.
+  /// Whether input that is not read yet waits, so that every frame can be fitted.
   bool patient() const { return patient_; }
   live::Mailbox<live::Frame>& frames() { return frames_; }
 
@@ -173,7 +174,7 @@ void tell_recording(live::Recorder& recorder) {
 }
 
 int run_live(LiveArguments arguments) {
-  std::signal(SIGPIPE, SIG_IGN);  // whoever stops reading is noticed where it is written to
+  std::signal(SIGPIPE, SIG_IGN);  // a reader that is gone is noticed when it is written to
   arguments.fit.validate();
   arguments.loop.validate();
   arguments.input.waits = !arguments.once;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Sentences for whoever waits.
+/// Sentences for users who wait.
 #pragma once
 
 #include <cstdio>
@@ -7,7 +7,8 @@
 
 namespace blindcorner {
 
-/// Says on standard error what now takes a while, at once and whether or not that is a terminal.
+/// Says on standard error what begins and takes a while. It does so at once, even if standard error
+/// is not a terminal.
 inline void tell_begun(const std::string& doing) {
   std::fprintf(stderr, "blindcorner: %s\n", doing.c_str());
   std::fflush(stderr);

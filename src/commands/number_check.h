@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Checks of numbers among the arguments that say what is accepted. CLI11's own state the ends of
-/// its ranges, which here are those of floating point, with 300 digits.
+/// Checks of numbers among the arguments. Their messages say what is accepted. Those of CLI11's own
+/// checks state the ends of the range, here those of floating point, with 300 digits.
 #pragma once
 
 #include <CLI/CLI.hpp>

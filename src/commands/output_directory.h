@@ -10,8 +10,8 @@ namespace blindcorner {
 /// Makes a directory, and those above it, unless it is there. Throws Error naming it.
 void make_directory(const std::string& path);
 
-/// Brings the index page up to date of the directory that the command which was given wrote to; one
-/// file is listed where there is such a page already.
+/// Updates the index page of the directory that the given command wrote to. For a command that
+/// wrote a single file, this happens only if the file's directory has an index page already.
 void index_output(const CLI::App& program);
 
 }  // namespace blindcorner

@@ -52,8 +52,8 @@ void print_path(const Printout& out, const PlannedPath& planned, const std::stri
            (fs::path(output) / "path.html").c_str());
 }
 
-/// The middle of the cell nearest to a point that a path may lead through; nothing where there is
-/// none.
+/// Centre of the nearest cell to a point that a path may lead through. Empty: there is no such
+/// cell.
 std::optional<Eigen::Vector2d> nearest_free(const PlanningGrid& grid,
                                             const Eigen::Vector2d& point) {
   const GridGeometry& geometry = grid.geometry();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Poses on the command line: "x_m=0.3,yaw_deg=20", with several objects "front.x_m=0.3"; and
-/// those of the sensor, there or in a table.
+/// Poses of objects on the command line: "x_m=0.3,yaw_deg=20", with several objects
+/// "front.x_m=0.3". Poses of the sensor, on the command line or in a table.
 #pragma once
 
 #include <string>
@@ -19,7 +19,8 @@ std::vector<Placement> parse_pose(const Scene& scene, const std::string& text);
 /// either unit. What is not named keeps the scene's value. Throws Error naming `option`.
 Transform parse_sensor_pose(const Scene& scene, const std::string& option, const std::string& text);
 
-/// The same from each row of a table (.csv) whose header holds such names. Throws Error.
+/// Poses of the sensor, one from each row of a table (.csv) whose header holds these names. Throws
+/// Error.
 std::vector<Transform> read_sensor_poses(const Scene& scene, const std::string& path);
 
 }  // namespace blindcorner

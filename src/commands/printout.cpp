@@ -16,7 +16,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// A number where the cell is one that JSON can hold, null where it is empty, else text.
+/// A number where the cell is one that JSON can hold, null where it is empty or a number that is
+/// not finite, else text.
 Json cell_json(const std::string& cell) {
   if (cell.empty()) return nullptr;
   char* end = nullptr;

@@ -16,12 +16,12 @@ class Printout {
   void add_option(CLI::App& command, const std::string& document);
   bool json() const { return json_; }
 
-  /// As std::printf, at once; nothing with --json.
+  /// Prints like std::printf, at once. Prints nothing with --json.
   [[gnu::format(printf, 2, 3)]] void text(const char* pattern, ...) const;
-  /// The JSON document; nothing without --json.
+  /// Prints the JSON document. Prints nothing without --json.
   void document(const std::string& json) const;
-  /// A file that the command wrote, as the document: .json as it is, .csv as a list of its rows,
-  /// each an object by the columns' names. Nothing without --json; throws Error.
+  /// Prints a file that the command wrote as the document: .json as it is, .csv as a list of its
+  /// rows, each an object by the columns' names. Prints nothing without --json. Throws Error.
   void file(const std::string& path) const;
 
  private:

@@ -36,7 +36,7 @@ struct RenderArguments {
   RenderOptions options;
 };
 
-/// One list of placements, a placement for each object, per capture.
+/// For each capture a list of placements, one for each object.
 std::vector<std::vector<Placement>> wanted_placements(const RenderArguments& arguments,
                                                       const Scene& scene) {
   std::vector<std::vector<Placement>> placements;
@@ -49,7 +49,7 @@ std::vector<std::vector<Placement>> wanted_placements(const RenderArguments& arg
   return placements;
 }
 
-/// Where the sensor stands, one pose or one for each capture.
+/// Poses of the sensor: one, or one for each capture.
 std::vector<Transform> wanted_sensor_poses(const RenderArguments& arguments, const Scene& scene) {
   std::vector<Transform> poses;
   if (!arguments.sensor_path.empty()) poses = read_sensor_poses(scene, arguments.sensor_path);
@@ -60,7 +60,7 @@ std::vector<Transform> wanted_sensor_poses(const RenderArguments& arguments, con
   return arguments.frames > 0 ? sensor_path(poses, arguments.frames) : poses;
 }
 
-/// What is odd about the poses, a line each on the standard error stream.
+/// Says on the standard error stream what is odd about the poses, a line each.
 void tell_placement_hints(const std::vector<Scene>& seen,
                           const std::vector<std::vector<Placement>>& placements) {
   std::set<std::string> told;

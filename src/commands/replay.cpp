@@ -24,7 +24,7 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-/// Frames in a second where nothing says it: Motion's default.
+/// Frames per second if neither an option nor the scene states them: Motion's default.
 constexpr double kUsualRate = 10;
 
 struct ReplayArguments {
@@ -43,7 +43,7 @@ std::unique_ptr<live::ReplayPort> open_port(const ReplayArguments& arguments) {
   return live::pseudo_terminal();
 }
 
-/// s; 0: as fast as it goes.
+/// Time between frames, s; 0: as fast as possible.
 double interval_of(const ReplayArguments& arguments) {
   double rate = arguments.rate;
   if (rate == 0 && !arguments.scene.empty()) rate = 1 / read_motion(arguments.scene).frame_interval;
@@ -59,7 +59,7 @@ void wait_until(Clock::time_point time) {
 }
 
 int run_replay(const ReplayArguments& arguments) {
-  std::signal(SIGPIPE, SIG_IGN);  // a reader that goes is noticed where it is written to
+  std::signal(SIGPIPE, SIG_IGN);  // a reader that is gone is noticed when it is written to
   std::vector<std::unique_ptr<live::Recording>> recordings;
   for (const std::string& file : arguments.files) {
     recordings.push_back(live::open_recording(file, arguments.format, arguments.options));
@@ -82,7 +82,7 @@ int run_replay(const ReplayArguments& arguments) {
         if (Interruptible::asked()) break;
         readable = port->write(recording->text(i), Interruptible::asked);
         frames += readable ? 1 : 0;
-        // A slow reader holds the clock up; what is late is not made up for.
+        // A slow reader holds up the clock: a delay beyond 100 ms is not made up for.
         next = std::max(next, Clock::now() - 100ms) +
                std::chrono::duration_cast<Clock::duration>(interval);
       }
@@ -90,7 +90,7 @@ int run_replay(const ReplayArguments& arguments) {
   } while (arguments.loop && readable && !Interruptible::asked());
   if (arguments.to_stdout || Interruptible::asked()) return kAllWell;
   std::printf("%ld frames\n", frames);
-  // A terminal forgets what was not read when it is closed.
+  // When a terminal is closed, it forgets what was not read.
   const Clock::time_point patience = Clock::now() + 2s;
   while (port->has_reader() && Clock::now() < patience && !Interruptible::asked()) {
     std::this_thread::sleep_for(50ms);

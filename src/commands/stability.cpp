@@ -28,7 +28,7 @@ struct StabilityArguments {
   Printout out;
 };
 
-/// The rows asked for, in the table's order; without any all of them.
+/// The rows with these names, in the table's order. Without names, all rows.
 std::vector<const StabilityRow*> wanted_rows(const std::vector<std::string>& names) {
   const std::vector<StabilityRow>& all = stability_rows();
   for (const std::string& name : names) {

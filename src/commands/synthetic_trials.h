@@ -20,7 +20,7 @@ class App;
 
 namespace blindcorner {
 
-/// Log posterior that a solver may miss and still be said to have reached the optimum.
+/// A solver that misses the optimum by at most this much log posterior counts as having reached it.
 inline constexpr double kReached = 0.1;
 
 /// Poses from the prior that some exposure can show: those that send the sensor less than a
@@ -42,20 +42,21 @@ double position_error(const Scene& scene, const PoseVector& pose, const PoseVect
 /// True values of the scene's unknowns as a capture states them; NaN where it does not.
 PoseVector true_pose(const Scene& scene, const Capture& capture);
 
-/// An answer beside an exhaustive search that starts from it and from the truth as well.
+/// An answer beside an exhaustive search that also starts from the answer's modes and from the
+/// truth.
 struct MissedOptimum {
-  double log_posterior = 0;  ///< by which the best of all modes misses the search's optimum
+  double log_posterior = 0;  ///< by which the best mode lies below the search's optimum
   ExhaustiveResult bound;
 };
 MissedOptimum missed_optimum(const ExhaustiveSearch& search, const Capture& capture,
                              const FitResult& result, const PoseVector& truth);
 
-/// Wall-clock times, ms, of fitting each of these captures with a fitter of its own: what it costs
-/// to compile the scene is in them.
+/// Wall-clock times, ms, of fitting each of these captures with a fitter of its own. They include
+/// the time to compile the scene.
 std::vector<double> first_capture_times(const Scene& scene, const FitOptions& options,
                                         const std::vector<const Capture*>& captures);
 
-/// Directories that captures are written to and read from, a file a scene; empty: none.
+/// Directories that captures are written to and read from, a file for each scene; empty: none.
 struct CaptureDirectories {
   std::string write, read;
 };
@@ -64,7 +65,7 @@ void add_capture_directories(CLI::App& command, CaptureDirectories& directories)
 /// The file of a scene's captures in a directory.
 std::string captures_path(const std::string& directory, const Scene& scene);
 
-/// Writes the captures where they are asked for.
+/// Writes the captures if a directory to write to is given.
 void save_captures(const CaptureDirectories& directories, const Scene& scene,
                    const std::vector<Capture>& captures);
 

@@ -8,7 +8,7 @@
 
 namespace blindcorner {
 
-/// At most so many threads while this lives; 0: one per processor.
+/// Limits the number of threads while this lives; 0: one per processor.
 class ThreadLimit {
  public:
   explicit ThreadLimit(int threads) {

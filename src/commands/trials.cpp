@@ -68,7 +68,7 @@ void print_summary(const Printout& out, const Drive& drive,
 /// Thrown by a trial that is not begun.
 struct TrialsInterrupted {};
 
-/// Runs what has no result in the journal yet; true: all of it.
+/// Runs the trials that have no result in the journal yet. Returns whether all of them were run.
 bool run_open_trials(const TrialsArguments& arguments, TrialStudy& study) {
   const std::vector<Trial> open = study.open();
   Progress progress("trials", open.size());

@@ -17,7 +17,7 @@ namespace {
 constexpr std::string_view kIndex = "index";
 constexpr std::string_view kDegrees = "yaw_deg";
 
-/// The name's part behind the object's, if it has one.
+/// The part of a column's name after the object's name and a dot, if it has these.
 std::string_view component_of(std::string_view column) {
   const std::size_t dot = column.rfind('.');
   return dot == std::string_view::npos ? column : column.substr(dot + 1);
@@ -26,10 +26,10 @@ std::string_view component_of(std::string_view column) {
 /// What a column of true values holds.
 struct TruthColumn {
   std::string name;  ///< of the unknown: yaw_rad also of a column in degrees
-  double unit = 1;   ///< that its numbers are in: rad for a degree
+  double unit = 1;   ///< factor to the unknown's unit: radians per degree for degrees
 };
 
-/// "yaw_deg", "front.yaw_deg": a yaw in degrees; any other name: itself.
+/// "yaw_deg" and "front.yaw_deg" are a yaw in degrees. Any other name stands for itself.
 TruthColumn truth_column(const std::string& header) {
   if (component_of(header) != kDegrees) return {header};
   return {header.substr(0, header.size() - kDegrees.size()) + "yaw_rad", kDegree};

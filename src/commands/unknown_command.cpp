@@ -10,13 +10,13 @@
 namespace blindcorner {
 namespace {
 
-/// What a word that is none of the names may have meant, or all of them.
+/// The name that an unknown word may stand for or, if it resembles none, all names.
 std::string suggestion(const std::string& word, const std::vector<std::string>& names) {
   const auto resemblance = [&](const std::string& name) {
     return name.starts_with(word) ? 0 : edit_distance(word, name);
   };
   const auto best = std::ranges::min_element(names, {}, resemblance);
-  // Half of the letters wrong is another word.
+  // With more than half of the letters wrong, it is another word.
   if (2 * resemblance(*best) <= best->size()) return "; did you mean '" + *best + "'?";
   std::string text = "; accepted: ";
   for (const std::string& name : names) text += (name == names.front() ? "" : ", ") + name;
@@ -31,7 +31,7 @@ std::string describe_command(const CLI::App& app, const std::string& word) {
   return "'" + word + "' is not a command of " + app.get_name() + suggestion(word, names);
 }
 
-/// The first of the words that looks like an option and is none of the command's.
+/// A line about the first word that looks like an option and is none of the command's.
 std::optional<std::string> unknown_option(const CLI::App& app, int argc, const char* const* argv) {
   std::vector<std::string> names;
   for (const CLI::Option* option : app.get_options()) {

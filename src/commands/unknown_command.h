@@ -12,7 +12,7 @@ class App;
 namespace blindcorner {
 
 /// One line about the first word that is no subcommand where one is expected, or no option of the
-/// subcommand, with the one that it resembles; empty where there is no such word.
+/// subcommand. It names the one that the word resembles. Empty: there is no such word.
 std::optional<std::string> unknown_word(const CLI::App& app, int argc, const char* const* argv);
 
 }  // namespace blindcorner

@@ -75,7 +75,7 @@ std::string metadata_attribute(const Imf::Header& header, const std::string& pat
   return attribute->value();
 }
 
-/// Throws unless metadata and image speak of the same counts.
+/// Throws unless metadata and image agree on the number of counts, and the file can hold so many.
 void check_extent(const CaptureFile& file, const Imath::Box2i& gate, double file_bytes,
                   const std::string& path) {
   const HistogramCube& cube = file.captures.front().counts;

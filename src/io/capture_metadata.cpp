@@ -22,7 +22,7 @@ constexpr Component kComponents[] = {Component::x, Component::y, Component::z, C
 constexpr const char* kFormat = "blindcorner.capture/1";
 /// Most rows, columns or bins that are believed; real sensors are far below.
 constexpr int kLargestExtent = 1 << 20;
-/// Counts of a file at most: their places are 32-bit numbers.
+/// Most counts of a file: their places are 32-bit numbers.
 constexpr double kMostCounts = std::numeric_limits<int>::max();
 
 /// Picoseconds as a person would have written them: 88, not 88.00000000000001.
@@ -60,7 +60,7 @@ Json capture_json(const Capture& capture) {
   return json;
 }
 
-/// As truth names them, of the only object and of one among several.
+/// Names of the components in `truth`: for the only object, and for one among several.
 std::vector<std::string> names_of_components() {
   std::vector<std::string> names;
   for (const char* prefix : {"", "NAME."}) {

@@ -119,7 +119,8 @@ std::string draw(const double* bins, int bin_count, const DescribeOptions& optio
     heights.push_back(height);
     if (std::isfinite(height)) range.add(std::max(height, 0.0));
   }
-  // A logarithm flattens everything above a large ambient, so its axis begins there.
+  // A logarithm flattens everything above a large ambient light, so its axis begins at the lowest
+  // value.
   const double lowest = options.logarithmic ? range.lowest : 0.0;
   std::string text;
   for (const double height : heights) {

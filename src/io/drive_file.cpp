@@ -21,7 +21,7 @@ namespace {
 using Eigen::Vector2d;
 using Json = JsonReader::Json;
 
-/// Limits against slips of the pen, as those of scene files.
+/// Limits that catch slips of the pen, like those of scene files.
 const NumberRange kPosition = NumberRange::between(-1e5, 1e5);
 const NumberRange kAnyAngle = NumberRange::between(-3600, 3600);
 const NumberRange kShare = NumberRange::between(0, 1);
@@ -30,7 +30,7 @@ const NumberRange kVehicleLength = NumberRange::between(0.01, 50);
 const NumberRange kSpeed{.lower = 0, .upper = 100, .above_lower = true};
 const NumberRange kDelay = NumberRange::between(0, 60);
 const NumberRange kLightFactor{.lower = 0, .upper = 1e6, .above_lower = true};
-/// Of a map; 4 million cells are 2000 x 2000, whose planning takes seconds.
+/// Most cells of a map: 4 million are 2000 x 2000, for which planning takes seconds.
 constexpr double kMaxCells = 4e6;
 
 Vector2d read_point(const JsonReader& reader) {
@@ -142,7 +142,7 @@ GridGeometry read_map(const JsonReader& reader) {
   if (!((upper - lower).minCoeff() > 0)) {
     reader.at("upper_m").fail("a corner above and to the right of lower_m");
   }
-  // Borders that are whole numbers of cells keep them in spite of rounding.
+  // A side that is a whole number of cells keeps that number in spite of rounding.
   constexpr double kRounding = 1e-9;
   const Vector2d cells =
       ((upper - lower) / map.cell_size - Vector2d::Constant(kRounding)).array().ceil();
@@ -155,7 +155,7 @@ GridGeometry read_map(const JsonReader& reader) {
   return map;
 }
 
-/// Name of an unknown as drive files have it: angles in degrees.
+/// Name of an unknown in drive files, which state angles in degrees.
 std::string file_name(const Scene& scene, const Unknown& unknown) {
   std::string name = unknown_name(scene, unknown);
   if (unknown.component == Component::yaw) name.replace(name.size() - 3, 3, "deg");
@@ -164,7 +164,7 @@ std::string file_name(const Scene& scene, const Unknown& unknown) {
 
 TrueComponent read_component(const JsonReader& reader, const Unknown& unknown) {
   const double unit = unknown.component == Component::yaw ? kDegree : 1.0;
-  // What the scene file's degrees became in radians and back.
+  // Rounding error of the scene file's degrees, which were turned into radians and back.
   const double slack = 1e-9 * unknown.range() / unit;
   if (!reader.is_array() && !reader.json().is_number()) reader.fail("a number or [lower, upper]");
   const auto [lower, upper] = read_stated_or_drawn(
@@ -172,7 +172,7 @@ TrueComponent read_component(const JsonReader& reader, const Unknown& unknown) {
   return {std::max(lower * unit, unknown.lower), std::min(upper * unit, unknown.upper)};
 }
 
-/// Each of x and y stated or drawn.
+/// Reads a velocity whose x and y are each stated or drawn.
 void read_velocity(const JsonReader& reader, Vector2d& lower, Vector2d& upper) {
   const auto parts = reader.elements_exactly(2, "numbers or intervals");
   std::tie(lower.x(), upper.x()) = read_stated_or_drawn(parts[0], kPosition);
@@ -267,7 +267,7 @@ void read_lane(const JsonReader& reader, Drive& drive) {
   }
 }
 
-/// Every point of the way lies on the map.
+/// Refuses a point that is not on the map.
 void check_on_map(const JsonReader& reader, const GridGeometry& map, const Vector2d& point) {
   if (!map.contains(map.cell_at(point))) reader.fail("a point on the map");
 }
@@ -297,7 +297,8 @@ void read_route(const JsonReader& reader, Drive& drive) {
           .number_or(drive.time_limit, NumberRange{.lower = 0, .upper = 3600, .above_lower = true});
 }
 
-/// What only vehicles that choose their speed use is an error beside the wanted speed.
+/// Refuses risk and closing speed beside the wanted speed: only vehicles that choose their speed
+/// use these.
 void read_speed_mode(const JsonReader& reader, Drive& drive) {
   if (reader.at("speed_mode").deciding_word_or("wanted", {"wanted", "safe"}) == "safe") {
     drive.speed_mode = SpeedMode::safe;
@@ -342,11 +343,11 @@ void read_trials(const JsonReader& reader, Drive& drive) {
   }
 }
 
-/// The scene beside the drive file. What is wrong with it is said of it.
+/// Reads the scene beside the drive file. Errors in the scene name the scene file.
 void read_named_scene(const JsonReader& reader, Drive& drive) {
   const std::filesystem::path beside = std::filesystem::path(reader.file()).parent_path();
   const std::string path = (beside / reader.text()).string();
-  std::error_code unreadable;  // a name longer than the system has, say
+  std::error_code unreadable;  // for example if the name is longer than the system allows
   if (!std::filesystem::exists(path, unreadable)) {
     reader.fail("a scene file, relative to the drive file");
   }

@@ -11,12 +11,12 @@ namespace blindcorner {
 namespace {
 
 constexpr std::size_t kMagic = 4, kMagicAndVersion = 8;
-/// Of the version: a header for each part follows.
+/// Flag in the version: a header for each part follows.
 constexpr std::int32_t kSeveralParts = 0x1000;
-/// Of the version: pixels have lists of values.
+/// Flag in the version: pixels hold lists of values.
 constexpr std::int32_t kDeep = 0x800;
 
-/// Little-endian, at a place that has four bytes.
+/// A little-endian number. Four bytes have to stand at `at`.
 std::int32_t integer_at(const std::string& bytes, std::size_t at) {
   std::uint32_t value = 0;
   for (std::size_t i = 4; i-- > 0;) {
@@ -36,8 +36,8 @@ const std::map<std::string_view, std::size_t> kFixedSizes = {
     {"v2f", 8},         {"v2i", 8},      {"v3d", 24},
     {"v3f", 12},        {"v3i", 12},     {"deepImageState", 1}};
 
-/// Whether a list of channels ends where its size says: a name, a zero and 16 bytes for each, then
-/// an empty name.
+/// Whether a list of channels ends where its size says. Each channel has a name, a zero and 16
+/// bytes; an empty name ends the list.
 bool is_channel_list(std::string_view value) {
   while (!value.empty() && value.front() != '\0') {
     const std::size_t end = value.find('\0');
@@ -54,10 +54,11 @@ bool has_size_of_its_type(std::string_view type, std::string_view value) {
   return fixed == kFixedSizes.end() || fixed->second == value.size();
 }
 
-/// Most pixels of a row, as captures may have bins; and of a tile.
+/// Most pixels of a row, as many as a capture may have bins. Also most pixels of a tile.
 constexpr std::int64_t kWidest = 1 << 20;
 
-/// Rows are stored in blocks of at most 32 (PIZ), each with 16 bytes of its own at least.
+/// Whether the file can hold the pixels of a box. Rows are stored in blocks of at most 32 (PIZ),
+/// and each block has at least 16 bytes of its own.
 bool fits(const std::string& bytes, std::size_t box) {
   const auto extent = [&](std::size_t axis) {
     return 1 + std::int64_t{integer_at(bytes, box + 8 + 4 * axis)} -
@@ -66,7 +67,7 @@ bool fits(const std::string& bytes, std::size_t box) {
   return extent(0) <= kWidest && extent(1) <= 2 * static_cast<std::int64_t>(bytes.size());
 }
 
-/// OpenEXR makes room for a tile of the size that the file states, whatever follows.
+/// OpenEXR allocates a tile of the size that the file states, whatever follows.
 bool is_small_tile(const std::string& bytes, std::size_t tile) {
   const std::int64_t width = integer_at(bytes, tile), height = integer_at(bytes, tile + 4);
   return width >= 1 && height >= 1 && width * height <= kWidest;

@@ -8,8 +8,8 @@
 
 namespace blindcorner {
 
-/// Deflate cannot shrink by more than 1032 : 1 (zlib's technical notes): what promises more is
-/// damaged, and believing it would only exhaust the memory.
+/// Deflate cannot shrink data by more than 1032 : 1 (zlib's technical notes). A file that promises
+/// more is damaged, and believing it would exhaust the memory.
 inline constexpr std::size_t kDeflateExpansion = 1032;
 
 /// Throws Error when `path` is missing, a directory, empty or not readable.

@@ -115,7 +115,7 @@ GreyImage read_png(const std::string& bytes, const std::string& path) {
   }
   GreyImage image{static_cast<int>(png.width), static_cast<int>(png.height), {}, {}};
   if (image.pixels() > kMaxPixels) throw Error(path, "it has more than 2^27 pixels");
-  // Of one bit each, in bytes that were deflated.
+  // Each pixel has at least one bit, and the bytes are deflated.
   if (image.pixels() > 8 * kDeflateExpansion * bytes.size()) {
     throw Error(path, "is damaged: " + std::to_string(bytes.size()) + " bytes cannot hold " +
                           std::to_string(image.width) + " x " + std::to_string(image.height) +

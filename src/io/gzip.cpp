@@ -12,7 +12,7 @@
 namespace blindcorner {
 namespace {
 
-/// zlib's own: a window of 32 KiB, and the header of gzip.
+/// zlib's number for a window of 32 KiB and the header of gzip.
 constexpr int kGzipWindow = 16 + MAX_WBITS;
 
 class Inflater {
@@ -58,7 +58,7 @@ Unpacked gunzip(std::string_view packed, const std::string& path, std::size_t mo
     if (verdict == Z_STREAM_END) {
       if (inflater.empty()) break;
       inflater.begin_member();
-    } else if (verdict == Z_BUF_ERROR) {  // wants more than there is
+    } else if (verdict == Z_BUF_ERROR) {  // the data end too early
       unpacked.cut = true;
       break;
     } else if (verdict != Z_OK) {

@@ -16,8 +16,8 @@ struct Unpacked {
   bool cut = false;  ///< the file ends before its content does
 };
 
-/// Content of a gzip file of any number of members, at most the first `most` bytes of it. A file
-/// that was cut gives what is there. Throws Error naming `path` for damage.
+/// Content of a gzip file of any number of members, at most its first `most` bytes. A file that was
+/// cut gives the content that is there. Throws Error naming `path` for damage.
 Unpacked gunzip(std::string_view packed, const std::string& path,
                 std::size_t most = std::numeric_limits<std::size_t>::max());
 

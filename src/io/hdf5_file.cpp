@@ -40,11 +40,11 @@ using Dataspace = Handle<H5Sclose>;
 using Datatype = Handle<H5Tclose>;
 using Properties = Handle<H5Pclose>;
 
-/// The library prints what it finds wrong unless it is told not to.
+/// Stops the library from printing the errors that it finds.
 void be_quiet() { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
 
 constexpr std::size_t kMostNumbers = std::size_t{1} << 31;
-/// Deflate packs to a 1032nd at most; what fits into a page may be anything.
+/// Deflate shrinks data to a 1032nd at most. An array of up to a page is accepted in any case.
 constexpr hsize_t kMostPacked = 1032, kPage = 65536;
 
 void require(bool good, const std::string& what) {

@@ -23,10 +23,10 @@ class Hdf5Reader {
 
   /// Whether there is such a dataset and it is not empty (h5py.Empty).
   bool has(const std::string& name) const;
-  /// Numbers, enumerators and truth values of a dataset. Throws Error for others, for what is not
-  /// there, and for more than 2^31 numbers.
+  /// Numbers, enumerators and truth values of a dataset. Throws Error for other types, for a
+  /// dataset that is not there, and for more than 2^31 numbers.
   NpyArray numbers(const std::string& name) const;
-  /// The only number of a dataset of one.
+  /// The number in a dataset of exactly one.
   double number(const std::string& name) const;
 
  private:
@@ -52,7 +52,7 @@ class Hdf5Writer {
   /// Something that is not known: h5py.Empty.
   void empty(const std::string& name);
 
-  /// The bytes of the file, which is complete with them.
+  /// Completes the file and returns its bytes.
   std::string bytes();
 
  private:

@@ -11,7 +11,7 @@ void check_json_depth(std::string_view text, const std::string& where) {
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
     if (quoted) {
-      if (c == '\\') ++i;  // what is escaped ends no string
+      if (c == '\\') ++i;  // an escaped character ends no string
       if (c == '"') quoted = false;
     } else if (c == '"') {
       quoted = true;

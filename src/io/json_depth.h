@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// JSON from others may nest without end; reading, copying and printing it recurse.
+/// Limits how deep JSON from others may nest: reading, copying and printing it recurse.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace blindcorner {
 
-/// Deepest nesting of objects and arrays that any of our formats comes near.
+/// Deepest nesting of objects and arrays that is accepted. No format here comes near it.
 inline constexpr int kDeepestJson = 64;
 
 /// Throws Error naming `where` when the text nests objects and arrays deeper than kDeepestJson.

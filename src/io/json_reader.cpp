@@ -15,7 +15,7 @@ namespace {
 
 using Json = JsonReader::Json;
 
-/// More say nothing new: a list of numbers in a wrong unit.
+/// Most errors that are noted. More say nothing new, as for a list of numbers in a wrong unit.
 constexpr std::size_t kMaxErrors = 100;
 /// Longest value that is quoted in a message, characters.
 constexpr std::size_t kLongestQuote = 60;
@@ -28,8 +28,9 @@ std::string path_part(const std::string& key) {
   return plain ? key : Json(key).dump(-1, ' ', true, Json::error_handler_t::replace);
 }
 
-/// What the parser complains about, without its own prefix: "[...] parse error at line 3, column
-/// 7: syntax error while ..." becomes "line 3, column 7: found no JSON (syntax error while ...".
+/// What the parser complains about, without its own prefix: "[...] parse error at line 3, column 7:
+/// syntax error while ..." becomes "line 3, column 7: found what is not JSON (syntax error while
+/// ...".
 std::string syntax_message(const std::string& what) {
   std::string text = one_line(what);
   if (const auto bracket = text.find("] "); bracket != std::string::npos) {
@@ -44,7 +45,7 @@ std::string syntax_message(const std::string& what) {
   return place + "found what is not JSON (" + text + "), accepted: JSON";
 }
 
-/// Whether the parser stopped at a comment; `byte` is the last that it read, from 1.
+/// Whether the parser stopped at a comment. `byte` is the last byte that it read, counted from 1.
 bool begins_comment(const std::string& text, std::size_t byte) {
   if (byte == 0 || byte > text.size()) return false;
   const std::string_view rest = std::string_view(text).substr(byte - 1);
@@ -325,7 +326,7 @@ Eigen::Quaterniond JsonReader::quaternion() const {
   const NumberRange component = NumberRange::between(-1.01, 1.01);
   const Eigen::Quaterniond q(parts[0].number(component), parts[1].number(component),
                              parts[2].number(component), parts[3].number(component));
-  // Written by hand with a few digits; more than that is a mistake.
+  // A quaternion written by hand has few digits; a larger deviation is a mistake.
   if (std::abs(q.norm() - 1) > 1e-3) fail("a quaternion of length 1");
   return q.normalized();
 }

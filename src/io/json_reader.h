@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Strict reading of JSON: every value knows the path that leads to it, and whoever finds it wrong
-/// gets one line, `file: field.path[3]: found ..., accepted: ...`.
+/// Strict reading of JSON. Every value knows the path that leads to it. A wrong value gives one
+/// line, `file: field.path[3]: found ..., accepted: ...`.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,12 +25,13 @@ class JsonReader {
   /// The document itself; `file` names it in messages.
   JsonReader(const Json& document, std::string file);
 
-  /// The same place, where what is refused is noted down in `errors` as far as reading can go on:
-  /// numbers, truth values and unknown fields at once, all else where `attempt` stands.
+  /// The same place, where refusals are noted in `errors` as far as reading can go on. Refused
+  /// numbers, truth values and unknown fields are noted at once, all others by the `attempt` around
+  /// them.
   JsonReader noting(std::vector<std::string>& errors) const;
-  /// Runs a part of the reading. What it refuses ends this part only, if errors are noted.
+  /// Runs a part of the reading. If errors are noted, a refusal ends only this part.
   void attempt(const std::function<void()>& part) const;
-  /// How many errors were noted so far: where none came, what was read may be computed with.
+  /// Number of errors noted so far. If a part of the reading added none, its values are sound.
   std::size_t noted() const { return errors_ == nullptr ? 0 : errors_->size(); }
 
   /// Parses a text. Throws Error with line and column for what is not JSON, and for a key that
@@ -41,7 +42,7 @@ class JsonReader {
   [[noreturn]] void fail(const std::string& accepted) const;
   /// Refuses this value with other words for what was found.
   [[noreturn]] void fail(const std::string& found, const std::string& accepted) const;
-  /// Refuses this value for a problem that tells by itself what was found and is accepted.
+  /// Refuses this value. `problem` itself says what was found and what is accepted.
   [[noreturn]] void refuse(const std::string& problem) const;
 
   bool present() const { return json_ != nullptr; }
@@ -60,20 +61,20 @@ class JsonReader {
   /// Field of an object; absent when the object has no such field. This must be an object.
   JsonReader at(std::string_view key) const;
   bool has(std::string_view key) const { return at(key).present(); }
-  /// The same of a field on whose presence it depends which others may or must be there.
+  /// Like `has`, for a field whose presence decides which other fields may or must be there.
   bool decided_by(std::string_view key) const;
-  /// Refuses a field that what stands beside it excludes; `accepted` says why.
+  /// Refuses a field that the fields beside it exclude; `accepted` says why.
   void exclude(std::string_view key, const std::string& accepted) const;
   /// Fields of an object in the order of the file.
   std::vector<std::pair<std::string, JsonReader>> fields() const;
   /// Refuses fields that are not in `known`, with the nearest known name as a suggestion. The
   /// document itself may also name its schema ("$schema").
   void allow_only(const std::vector<std::string_view>& known) const;
-  /// Tells a record which fields may be there, where the reader itself refuses others.
+  /// Tells a record which fields may be there, if the caller itself refuses all others.
   void looks_for(const std::vector<std::string>& names) const;
   /// The one field of `alternatives` that is there; empty: none. Refuses several.
   std::string_view at_most_one_of(const std::vector<std::string_view>& alternatives) const;
-  /// The same, and refuses none.
+  /// Like `at_most_one_of`, but one of the fields must be there.
   std::string_view exactly_one_of(const std::vector<std::string_view>& alternatives) const;
 
   /// Elements of an array with at least `smallest` elements.
@@ -81,14 +82,14 @@ class JsonReader {
   /// Elements of an array of exactly `size`; `what` completes "an array of 3 ...".
   std::vector<JsonReader> elements_exactly(std::size_t size, const std::string& what) const;
 
-  /// Not a number where the value is refused and errors are noted; so are all that follow.
+  /// NaN if the value is refused and errors are noted. Vectors and intervals then hold NaN, too.
   double number(const NumberRange& range = {}) const;
   int integer(int lower, int upper) const;
   bool boolean() const;
   std::string text() const;
   /// One of the given words.
   std::string word(const std::vector<std::string_view>& words) const;
-  /// The same of a word on which it depends which fields may or must stand beside this one.
+  /// Like `word`, for a word that decides which fields may or must stand beside this one.
   std::string deciding_word(const std::vector<std::string_view>& words) const;
   Eigen::Vector3d vector(const NumberRange& range = {}) const;
   /// [w, x, y, z] of length 1 but for rounding, normalised.
@@ -96,7 +97,7 @@ class JsonReader {
   /// [lower, upper] with lower < upper.
   std::pair<double, double> interval(const NumberRange& range = {}) const;
 
-  /// The same with a default for a field that is absent.
+  /// The same, with a default for a field that is absent.
   double number_or(double absent, const NumberRange& range = {}) const;
   bool boolean_or(bool absent) const;
   std::string text_or(const std::string& absent) const;
@@ -113,7 +114,7 @@ class JsonReader {
         errors_(errors),
         record_(record) {}
 
-  /// Refuses the value, or notes that down where errors are noted.
+  /// Refuses the value, or notes the refusal if errors are noted.
   void note(const std::string& found, const std::string& accepted) const;
   void record_number(const NumberRange& range, bool whole) const;
   void record_words(const std::vector<std::string_view>& words) const;
@@ -126,7 +127,7 @@ class JsonReader {
   std::string file_;
   std::string path_;
   std::vector<std::string>* errors_ = nullptr;
-  JsonRecord* record_ = nullptr;  ///< what is asked of this place; null: nobody wants to know
+  JsonRecord* record_ = nullptr;  ///< what is asked of this place; null: it is not recorded
 };
 
 /// `"a", "b" or "c"`.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What a reader asks of the values of a document while it reads them: the source of the JSON
-/// schemas (json_schema.h), so that fields, types and ranges stand in one place, the readers.
+/// Records what a reader asks of the values of a document while it reads them. The JSON schemas
+/// (json_schema.h) are made from these records, so that fields, types and ranges stand in one
+/// place, the readers.
 #pragma once
 
 #include <cstddef>
@@ -24,31 +25,31 @@ struct JsonRecord {
   std::optional<Json::value_t> type;  ///< as it was read; empty: absent
 
   std::optional<NumberRange> number;
-  bool whole = false;  ///< of the number
+  bool whole = false;  ///< the number is a whole one
   bool boolean = false, text = false;
-  std::vector<std::string> words;  ///< one of these
+  std::vector<std::string> words;  ///< the accepted words
 
   bool array = false;
-  std::size_t least = 0;            ///< elements
-  std::optional<std::size_t> size;  ///< exactly
-  std::list<JsonRecord> elements;   ///< lists: readers keep pointers to their items
+  std::size_t least = 0;            ///< fewest elements
+  std::optional<std::size_t> size;  ///< exact number of elements
+  std::list<JsonRecord> elements;   ///< a list, because readers keep pointers to its items
 
   bool object = false;
   std::vector<std::string> names;  ///< fields that may be there; empty: any
   std::list<std::pair<std::string, JsonRecord>> fields;
 
-  /// Which others may or must stand beside a field depends on its word, or on whether it is there.
-  /// The word that holds as JSON, in quotes (also where it is absent and a default holds), or there
-  /// or absent; empty: nothing depends.
+  /// For a field that decides which other fields may or must stand beside it. If its word decides:
+  /// the word that holds, as JSON in quotes (a default for an absent field). If its presence
+  /// decides: there or absent. Empty: nothing depends on the field.
   std::string decides;
   std::string deciders;    ///< which fields decide together; empty: this one alone
-  bool forbidden = false;  ///< what stands beside it excludes it
+  bool forbidden = false;  ///< the fields beside it exclude this one
 
   JsonRecord& field(std::string_view name, const Json* value);
   JsonRecord& element(std::size_t index, const Json* value);
   const JsonRecord* find(std::string_view name) const;
 
-  /// Asks what a value of this content is asked by: for documents that are only written.
+  /// Records what a reader of this content would ask. For documents that are only written.
   void observe(const Json& content);
 };
 

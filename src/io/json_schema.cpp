@@ -13,7 +13,8 @@ namespace {
 
 using Json = SchemaSource::Json;
 
-/// Name of a field among its siblings: below any object's name ("front.x_m") one for all objects.
+/// Name of a field among its siblings. Names below any object's name ("front.x_m") become one name
+/// for all objects ("*.x_m").
 std::string general_name(const std::string& name) {
   const auto dot = name.rfind('.');
   return dot == std::string::npos ? name : "*" + name.substr(dot);
@@ -25,7 +26,8 @@ bool contains(const Json& document, const std::string& pointer) {
   return document.contains(Json::json_pointer(pointer));
 }
 
-/// A bound that all readings agree upon; others depend on what stands elsewhere in the document.
+/// Whether all readings have the same bound. Bounds that differ depend on other parts of the
+/// document.
 template <typename Bound>
 bool agree(const std::vector<Bound>& bounds) {
   return std::ranges::all_of(bounds, [&](const Bound& b) { return b == bounds.front(); });
@@ -79,7 +81,7 @@ std::string decider_of(const std::string& name, const JsonRecord& field) {
   return field.deciders.empty() ? name : field.deciders;
 }
 
-/// Properties of an object, those of a pattern apart.
+/// Adds a property to an object's schema. A name that is a pattern goes to the pattern properties.
 void put_property(Json& schema, const std::string& name, Json value) {
   if (is_pattern(name)) {
     schema["patternProperties"]["^.+\\" + name.substr(1) + "$"] = std::move(value);
@@ -124,7 +126,7 @@ Json SchemaSource::describe(const Places& places) const {
     boolean = boolean || r.boolean;
     null = null || r.type == Json::value_t::null;
   }
-  // One object or a list of such: both are read alike.
+  // One object or a list of objects: both are read alike.
   const bool one_or_several = !objects.empty() && !arrays.empty();
   for (const Place& array : arrays) {
     for (const JsonRecord& element : array.record->elements) {
@@ -239,7 +241,7 @@ Json SchemaSource::describe_variants(const std::vector<Variant>& variants,
   Json alternatives = Json::array();
   for (const Variant& variant : variants) {
     Json alternative = describe_variant(variant, names, always);
-    if (alternative.empty()) return Json::array();  // anything goes
+    if (alternative.empty()) return Json::array();  // this variant allows anything
     if (std::ranges::find(alternatives, alternative) == alternatives.end()) {
       alternatives.push_back(std::move(alternative));
     }
@@ -310,7 +312,7 @@ bool SchemaSource::accepts_any(
     const Places& places,
     const std::function<void(Json& document, const Place& place)>& change) const {
   if (read_ == nullptr) return false;
-  std::set<const Example*> tried;  // one place of each
+  std::set<const Example*> tried;  // one place of each example
   for (const Place& place : places) {
     if (!tried.insert(place.example).second) continue;
     Json changed = place.example->document;
@@ -318,7 +320,7 @@ bool SchemaSource::accepts_any(
     try {
       read_(changed, place.example->path);
       return true;
-    } catch (const Error&) {  // not here
+    } catch (const Error&) {  // refused with this change
     }
   }
   return false;

@@ -32,7 +32,7 @@ Material read_measured_law(const JsonReader& reader) {
 struct MaterialEntry {
   std::string_view name;
   Material (*alone)();                  ///< null: it has fields that must be there
-  Material (*read)(const JsonReader&);  ///< of its fields; null: it has none
+  Material (*read)(const JsonReader&);  ///< reads its fields; null: it has none
 };
 constexpr std::array kMaterials{
     MaterialEntry{"lambertian", [] { return Material{LambertianMaterial{}}; }, nullptr},

@@ -18,8 +18,8 @@ namespace {
 constexpr std::size_t kHeader = 128;  ///< bytes
 constexpr std::uint16_t kMatlab73 = 0x0200;
 constexpr int kDeepestCells = 8;
-/// Unpacked bytes that any file may have, and so many times its size else: whole-number counts
-/// shrink to a tenth, what is mostly zero to a hundredth.
+/// Most unpacked bytes: kAlwaysAllowed for any file, kMaxExpansion times the file's size if that is
+/// more. Whole-number counts shrink to a tenth, arrays of mostly zeros to a hundredth.
 constexpr std::size_t kAlwaysAllowed = std::size_t{1} << 26;
 constexpr std::size_t kMaxExpansion = 100;
 
@@ -66,7 +66,7 @@ class Walk {
     throw Error(path_, "found " + what + ", accepted: a whole MATLAB 5 file");
   }
 
-  /// Takes the next element, and what fills it up to eight bytes, from the front.
+  /// Takes the next element from the front, with the padding that fills it up to eight bytes.
   Element next(std::string_view& rest, bool aligned) const {
     if (rest.size() < 8) damaged("an element that is cut off");
     const std::uint32_t word = number(rest, 0);
@@ -127,7 +127,8 @@ class Walk {
       const auto extent = static_cast<std::int32_t>(number(sizes.data, i));
       if (extent < 0) damaged("a negative size");
       product *= extent;
-      // Looked at each time: hundreds of large extents and a zero would be infinity times zero.
+      // Checked for each factor: hundreds of large extents and a zero would give infinity times
+      // zero.
       if (product > std::numeric_limits<std::int32_t>::max()) damaged("more than 2^31 numbers");
     }
     return static_cast<std::size_t>(product);
@@ -147,7 +148,7 @@ class Walk {
   const std::string& path_;
 };
 
-/// Unpacked element; at most `most` bytes.
+/// The unpacked element. Refuses more than `most` bytes.
 std::string inflated(const Walk& walk, std::string_view packed, std::size_t most) {
   std::string bytes;
   std::string block(1 << 16, '\0');

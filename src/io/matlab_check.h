@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What the MATLAB reader lets pass.
+/// Checks of MATLAB files beyond those of the library that reads them.
 #pragma once
 
 #include <string>

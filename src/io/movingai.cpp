@@ -12,7 +12,7 @@
 namespace blindcorner {
 namespace {
 
-/// Cells along a side at most: the set's largest maps have 1550, and indices stay within 32 bits.
+/// Most cells along a side: the set's largest maps have 1550, and indices stay within 32 bits.
 constexpr int kMaxCells = 32'768;
 /// C++ streams write this many digits unless told otherwise, and leave out zeros at the end.
 constexpr int kStreamDigits = 6;
@@ -45,8 +45,8 @@ class LineReader {
   int number_ = 0;
 };
 
-/// As a message shows it: in quotation marks, of long text the beginning, signs that do not print
-/// as '?'.
+/// Text as messages show it: in quotation marks, a long text only by its beginning, and '?' for
+/// characters that do not print.
 std::string quoted(std::string_view text) {
   constexpr std::size_t kMax = 40;
   std::string shown = "\"" + std::string(text.substr(0, kMax));
@@ -62,7 +62,7 @@ bool parse(std::string_view text, Number& number) {
   return error == std::errc() && end == text.data() + text.size() && !text.empty();
 }
 
-/// A line "height 1024".
+/// Reads a line like "height 1024".
 int read_size(LineReader& lines, const std::string& word) {
   const std::string accepted = "\"" + word + " N\", N from 1 to " + std::to_string(kMaxCells);
   const std::string_view line = lines.next(accepted);
@@ -186,7 +186,7 @@ MovingAiMap read_movingai_map(const std::string& path) {
   map.geometry.columns = read_size(lines, "width");
   expect(lines, "map");
   const std::string accepted = "a row of " + std::to_string(map.geometry.columns) + " cells";
-  // As the rows come, northmost first: a file's head may promise more than follows.
+  // Rows are added as they come, northmost first: a file's head may promise more than follows.
   for (int row = 0; row < map.geometry.rows; ++row) {
     const std::string_view line = lines.next(accepted);
     if (line.size() != static_cast<std::size_t>(map.geometry.columns)) {

@@ -16,7 +16,7 @@ namespace {
 static_assert(std::numeric_limits<double>::is_iec559 && sizeof(double) == 8);
 
 constexpr std::string_view kMagic("\x93NUMPY", 6);
-/// As numpy has.
+/// numpy's own limit.
 constexpr std::size_t kMostDimensions = 64;
 
 /// Unsigned integer of `bytes.size()` <= 8 bytes.

@@ -23,8 +23,8 @@ struct NpyArray {
 };
 
 /// Reads the bytes of a .npy file: signed and unsigned integers, floats of 2, 4 and 8 bytes and
-/// unicode text, little or big endian, C or Fortran order. `where` begins the messages of the Error
-/// that everything else throws, as more than `most_values` numbers do.
+/// unicode text, little or big endian, C or Fortran order. Throws Error for everything else, and
+/// for more than `most_values` numbers. `where` begins its messages.
 NpyArray parse_npy(std::string_view bytes, const std::string& where,
                    std::size_t most_values = std::numeric_limits<std::size_t>::max());
 

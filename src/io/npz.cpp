@@ -13,10 +13,10 @@
 namespace blindcorner {
 namespace {
 
-/// Bytes that an archive may hold whatever its size.
+/// Unpacked bytes that an archive of any size may hold.
 constexpr zip_uint64_t kAlwaysAllowed = zip_uint64_t{1} << 26;
 
-/// Bytes that an archive may hold, packed as they are or as the numbers of an array.
+/// Most bytes that an archive may hold, counted as unpacked bytes or as the doubles of an array.
 zip_uint64_t most_bytes(const std::string& path) {
   return std::max(kAlwaysAllowed,
                   kDeflateExpansion * static_cast<zip_uint64_t>(std::filesystem::file_size(path)));
@@ -38,7 +38,7 @@ void check_expansion(zip_t* archive, zip_int64_t count, zip_uint64_t most,
 
 std::string message_of(zip_error_t* error) { return one_line(zip_error_strerror(error)); }
 
-/// Frees the error record, too.
+/// An error record of libzip that is freed in the end.
 struct ZipError {
   ZipError() { zip_error_init(&error); }
   ~ZipError() { zip_error_fini(&error); }

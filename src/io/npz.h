@@ -23,13 +23,13 @@ class NpzFile {
   std::size_t size() const { return members_.size(); }
   std::string only_name() const { return members_.begin()->first; }
 
-  /// Throws Error listing the names there are when there is no such array, or when it is damaged.
+  /// Throws Error if there is no such array, listing the names that there are, or if it is damaged.
   NpyArray read(const std::string& name) const;
 
  private:
   std::string path_;
   std::map<std::string, std::string> members_;  ///< array name -> .npy bytes
-  std::size_t most_values_ = 0;                 ///< that an array in a file of this size may have
+  std::size_t most_values_ = 0;                 ///< most values of an array in a file of this size
 };
 
 /// Archive of the given (name, .npy bytes), compressed. Equal input gives equal bytes.

@@ -31,7 +31,7 @@ struct Place {
 void check_vertex(const std::vector<std::string>& words, const Place& place) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::string word = axis + 1 < words.size() ? words[axis + 1] : "";
-    // from_chars takes no plus.
+    // from_chars takes no plus sign.
     const std::string_view digits = std::string_view(word).substr(word.starts_with('+') ? 1 : 0);
     double value = 0;
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
@@ -41,7 +41,7 @@ void check_vertex(const std::vector<std::string>& words, const Place& place) {
   }
 }
 
-/// The vertex's part of "7", "7/1" or "7//3"; counted from the end where negative.
+/// The vertex in "7", "7/1" or "7//3". A negative index counts back from the last vertex.
 long vertex_index(const std::string& word, const Place& place) {
   const std::string number = word.substr(0, word.find('/'));
   long index = 0;
@@ -78,8 +78,8 @@ std::string checked_obj(std::string text, const std::string& path) {
       check_vertex(list, place);
       ++vertices;
     } else if (list[0] == "f") {
-      // Here and not of what the parser makes of it, whose time goes with the square of a face's
-      // corners.
+      // Triangles are counted here, before parsing: the parser's time goes with the square of a
+      // face's corners.
       triangles += list.size() < 3 ? 0 : list.size() - 3;
       if (triangles > kMaxTriangles) {
         throw Error(path, "found more than " + std::to_string(kMaxTriangles) +

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What the OBJ parser lets pass.
+/// Checks of OBJ files beyond those of the parser.
 #pragma once
 
 #include <string>
 
 namespace blindcorner {
 
-/// Most triangles of a mesh: light around a corner is spread over centimetres, and every triangle
-/// costs in every sum, up to 7 ms of compiling.
+/// Most triangles of a mesh. Light around a corner is spread over centimetres. Every triangle adds
+/// to every sum, and up to 7 ms to compiling.
 inline constexpr std::size_t kMaxTriangles = 5000;
 
 /// The text without comments, its words one blank apart. Throws Error naming file and line where a

@@ -19,7 +19,7 @@ using Json = nlohmann::ordered_json;
 /// Least and greatest light of the object, photons.
 constexpr double kFaintest = 10, kBrightest = 1e7;
 
-/// Numbers drawn by rules of our own: the standard library's distributions differ between
+/// Draws numbers by rules of its own: the standard library's distributions differ between
 /// implementations.
 class Draw {
  public:
@@ -30,7 +30,7 @@ class Draw {
   std::size_t index(std::size_t count) {
     return std::min(static_cast<std::size_t>(uniform() * static_cast<double>(count)), count - 1);
   }
-  /// To three digits, as a person writes it.
+  /// A number between these, rounded to three digits, as a person writes it.
   double between(double low, double high) {
     char text[32];
     std::snprintf(text, sizeof text, "%.3g", low + (high - low) * uniform());
@@ -41,7 +41,7 @@ class Draw {
   std::mt19937_64 random_;
 };
 
-/// A wedge about its centroid's height, as an OBJ file.
+/// A wedge that stands on z = 0, centred in x and y, as an OBJ file.
 std::string wedge(Draw& draw, double scale) {
   const double length = scale * draw.between(0.1, 0.3);
   const double width = scale * draw.between(0.08, 0.2);

@@ -10,24 +10,26 @@
 namespace blindcorner {
 namespace {
 
-/// Direct return over background.
+/// Least ratio of a direct return to the background.
 constexpr double kBright = 5.0;
-/// Automatic exposure changes the gain in steps of 15 %; a mirror on its way loses half the light.
+/// Largest deviation of the gain. Automatic exposure changes it in steps of 15 %; a mirror on its
+/// way loses half the light.
 constexpr double kGainTolerance = 0.3;
-/// Disagreement of direct returns of one repeat; exposure steps move all of them alike.
+/// Largest disagreement of the direct returns of one repeat. Exposure steps change all of them
+/// alike.
 constexpr double kShapeTolerance = 0.12;
 /// In robust standard deviations.
 constexpr double kAmbientTolerance = 8.0;
 /// In robust standard deviations; positions in direct view are at ten to thousands, others below
 /// three.
 constexpr double kEarlyTolerance = 8.0;
-/// Least share of the brightest direct return that the wall's has.
+/// Least share of the brightest direct return that the wall's return has.
 constexpr double kWallShare = 0.05;
 /// Counters of the sensor have 24 bits.
 constexpr double kOverflow = 16777216.0 - 65536.0;
 
 /// Mean of the lower three quarters of the bins outside the direct return: the third bounce lights
-/// the upper ones. The last bin is not used (unusable on this sensor).
+/// the upper quarter. The last bin is not used (unusable on this sensor).
 double ambient_of(const std::vector<double>& row, const RepeatReference& reference) {
   std::vector<double> dark;
   for (std::size_t b = 0; b + 1 < row.size(); ++b) {
@@ -78,8 +80,9 @@ std::size_t first_phase(const RepeatSeries& series, const RepeatReference& refer
   return phase_median(totals, 0) >= phase_median(totals, 1) ? 0 : 1;
 }
 
-/// Light in the early bins of each phase, mean of the middle half of its repeats: steadier than a
-/// median where counts are small whole numbers. And its standard error, by the repeats' scatter.
+/// Light in the early bins of each phase: the mean of the middle half of its repeats, and its
+/// standard error from their scatter. This mean is steadier than a median where counts are small
+/// whole numbers.
 struct EarlyLight {
   std::array<double, 2> mean{}, error{};
 };
@@ -102,12 +105,12 @@ EarlyLight early_light(const RepeatSeries& series, const RepeatReference& refere
   return light;
 }
 
-/// What the early bins usually hold; nothing where all series are alike. The bin next to a direct
-/// return is its rim.
+/// Learns what the early bins usually hold. The spread stays 0 (not known) if all series are alike
+/// and do not scatter. The bin next to a direct return is its rim, and no early bin.
 void learn_early_light(const std::vector<const RepeatSeries*>& all,
                        const std::vector<double>& typical, RepeatReference& reference) {
   if (reference.direct.empty()) return;
-  // The last run that is no third bounce: those are far dimmer.
+  // The wall's return is the last run that is no third bounce: third bounces are far dimmer.
   const auto brightest = [&](const std::pair<std::size_t, std::size_t>& run) {
     return *std::max_element(typical.begin() + static_cast<std::ptrdiff_t>(run.first),
                              typical.begin() + static_cast<std::ptrdiff_t>(run.second));

@@ -21,13 +21,13 @@ namespace {
 
 constexpr std::array<const char*, 3> kModeNames{"trinary", "scale", "raw"};
 
-/// Grey of unknown cells in a trinary image, and of free ones (map_saver).
+/// Grey of unknown and of free cells in a trinary image (map_saver).
 constexpr int kUnknownGrey = 205, kFreeGrey = 254;
 
 // --- Pixels and cells
 // -----------------------------------------------------------------------------
 
-/// What a pixel says of its cell. `shade` is the mean of the colour channels, 0..1.
+/// The cell that a pixel stands for. `shade` is the mean of the colour channels, 0..1.
 std::int8_t cell_of(double shade, std::optional<double> alpha, const RosMapOptions& rules) {
   if (rules.mode == MapMode::raw) {
     const double value = std::round(shade * 255);
@@ -44,7 +44,7 @@ std::int8_t cell_of(double shade, std::optional<double> alpha, const RosMapOptio
   return static_cast<std::int8_t>(std::rint(100 * share));
 }
 
-/// The first of some greys, or their neighbours, that says `cell`.
+/// The first of the candidate greys, or of their neighbours, that cell_of() reads as `cell`.
 std::uint8_t grey_that_says(std::int8_t cell, std::initializer_list<double> candidates,
                             const RosMapOptions& rules) {
   for (const double candidate : candidates) {
@@ -83,7 +83,7 @@ std::uint8_t grey_of(std::int8_t cell, const RosMapOptions& rules) {
   return grey_that_says(value, {255 * (1 - occupied)}, rules);
 }
 
-/// Where pixel (column, row from the top) is stored as a cell, whose rows go up.
+/// Index of the cell for pixel (column, row from the top). The rows of cells go up.
 std::size_t cell_index(const GridGeometry& geometry, int column, int row_from_top) {
   return geometry.index({column, geometry.rows - 1 - row_from_top});
 }
@@ -171,9 +171,9 @@ Origin origin_of(const YamlField& field) {
   return {{(*values)[0], (*values)[1]}, (*values)[2]};
 }
 
-/// The map turned counter-clockwise about its lower left corner, on cells along the axes: each says
-/// the most that it meets at nine places within it, so that thin walls stay closed. What the image
-/// does not cover is unknown.
+/// The map turned counter-clockwise about its lower left corner, on cells along the axes. Each cell
+/// takes the largest value at nine places within it, so that thin walls stay closed. Cells that the
+/// image does not cover are unknown.
 RosMap turned(const RosMap& map, double yaw, const YamlField& field) {
   const GridGeometry& from = map.geometry;
   const double size = from.cell_size;
@@ -184,7 +184,7 @@ RosMap turned(const RosMap& map, double yaw, const YamlField& field) {
       box.extend(from.origin + turn * Eigen::Vector2d(size * column, size * row));
     }
   }
-  // A quarter turn meets its cells exactly but for rounding.
+  // A quarter turn maps cells exactly onto cells, except for rounding.
   constexpr double kRounding = 1e-6;
   RosMap out;
   out.geometry.cell_size = size;
@@ -281,7 +281,8 @@ RosMap read_ros_map(const std::string& yaml_path) {
 }
 
 void write_ros_map(const std::string& yaml_path, const RosMap& map, const RosMapOptions& options) {
-  // Another ending may be the image's own, which the yaml file would then overwrite.
+  // With another ending, the path may be the image's own, and the yaml file would overwrite the
+  // image.
   const std::filesystem::path path(yaml_path);
   if (path.extension() != ".yaml" && path.extension() != ".yml") {
     throw Error(yaml_path, "accepted: a path that ends in .yaml or .yml");
@@ -330,9 +331,10 @@ OccupancyGrid occupancy_grid(const RosMap& map, const OccupancyOptions& options)
   OccupancyGrid grid(map.geometry, options);
   for (std::size_t i = 0; i < map.cells.size(); ++i) {
     if (map.cells[i] == RosMap::kUnknown) continue;
-    // Without what moves, which the grid assumes everywhere: 1 - p = (1 - static) (1 - moving).
+    // Takes off the moving objects, which the grid assumes everywhere: 1 - p = (1 - static) (1 -
+    // moving).
     const double occupied = 1 - (1 - map.cells[i] / 100.0) / (1 - options.moving_prior);
-    const double probability = std::clamp(occupied, 1e-9, 1 - 1e-9);  // the grid's bound is nearer
+    const double probability = std::clamp(occupied, 1e-9, 1 - 1e-9);  // the grid bounds it tighter
     grid.add_static_evidence(map.geometry.cell(i),
                              std::log(probability / (1 - probability) * (1 - options.unseen_prior) /
                                       options.unseen_prior));

@@ -8,7 +8,7 @@
 namespace blindcorner {
 
 /// The line without the times that many serial monitors put before it: "12:34:56.789 -> D",
-/// "[2026-01-31 12:34:56] D", "2026-01-31T12:34:56<TAB>D". A line without one as it is.
+/// "[2026-01-31 12:34:56] D", "2026-01-31T12:34:56<TAB>D". Other lines stay as they are.
 inline std::string_view without_time_stamp(std::string_view line) {
   const auto is_stamp = [](std::string_view word) {
     const auto count = [&](char c) { return std::ranges::count(word, c); };

@@ -6,8 +6,8 @@
 
 namespace blindcorner::live {
 
-/// The calling thread gives way to all others of the program. On Linux a nice value belongs to a
-/// thread; where that is not allowed, nothing happens.
+/// Lets all other threads of the program go before the calling thread. On Linux a nice value
+/// belongs to a thread. If the system does not allow the change, nothing happens.
 inline void give_way() {
   constexpr int kNice = 10;
   [[maybe_unused]] const int unimportant = ::setpriority(PRIO_PROCESS, 0, kNice);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Events for browsers. Whoever publishes never waits for any of them.
+/// Events for browsers. Publishing never waits for a browser.
 #pragma once
 
 #include <memory>
@@ -14,21 +14,21 @@ namespace blindcorner::live {
 
 class EventHub {
  public:
-  using Event = std::shared_ptr<const std::string>;  ///< as server-sent events have it
+  using Event = std::shared_ptr<const std::string>;  ///< text of a server-sent event
   using Queue = Mailbox<Event>;
 
-  /// At most `most_clients` listen, and at most `queue_length` events wait for each; the oldest are
-  /// left out and counted.
+  /// At most `most_clients` clients listen, and at most `queue_length` events wait for each. Beyond
+  /// that, the oldest events of a client are left out and counted.
   EventHub(std::size_t most_clients, std::size_t queue_length, Tally& tally)
       : most_clients_(most_clients), queue_length_(queue_length), tally_(tally) {}
 
-  /// Null when there are enough.
+  /// Adds a client. Null if there are enough clients, or the hub is closed.
   std::shared_ptr<Queue> join();
   void leave(const std::shared_ptr<Queue>& client);
-  /// `name` and JSON on one line.
+  /// Sends an event to all clients. `data` is JSON on one line.
   void publish(const std::string& name, const std::string& data);
   std::size_t clients() const;
-  /// No more events; the queues end.
+  /// Ends all queues. No client can join after that.
   void close();
   bool closed() const;
 

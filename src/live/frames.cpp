@@ -10,9 +10,10 @@
 namespace blindcorner::live {
 namespace {
 
-/// 64 x 64 zones of 256 bins with eight characters each: the largest that any sensor sends.
+/// Bytes of the longest line that any sensor sends: 64 x 64 zones of 256 bins with eight characters
+/// each.
 constexpr std::size_t kLongestLine = 8UL << 20;
-/// Lines of no known format after which that is said: more than a board's greeting has.
+/// After this many lines of no known format the user is told. A board's greeting has fewer lines.
 constexpr long kManyUnknown = 100;
 
 Count kind_of(LineFault fault) {

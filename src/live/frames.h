@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Bytes of a stream become lines, and these frames.
+/// Turns the bytes of a stream into lines, and the lines into frames.
 #pragma once
 
 #include <chrono>
@@ -20,16 +20,16 @@ using Clock = std::chrono::steady_clock;
 /// One frame of the stream.
 struct Frame {
   Capture capture;
-  long number = 0;            ///< from 0, of all whole frames that suit the scene
-  Clock::time_point arrived;  ///< of its last byte
+  long number = 0;            ///< counted from 0 over all whole frames that suit the scene
+  Clock::time_point arrived;  ///< when the frame's last byte arrived
 };
 
-/// Cuts bytes into lines. A line longer than any sensor's is left out.
+/// Cuts bytes into lines. A line of more than `longest` bytes is left out: no sensor sends one.
 class LineSplitter {
  public:
   explicit LineSplitter(std::size_t longest) : longest_(longest) {}
 
-  /// Calls `use` with each line that these bytes complete. Returns how many were too long.
+  /// Calls `use` with each line that these bytes complete. Returns how many lines were too long.
   long add(std::string_view bytes, const std::function<void(const TextLine&)>& use);
   /// Forgets a line that was begun.
   void interrupt();
@@ -41,17 +41,17 @@ class LineSplitter {
   int number_ = 0;
 };
 
-/// Puts the frames of one stream together, in the format that is named or that the first lines
+/// Assembles the frames of one stream. The format is the one named, or the one that the first lines
 /// show.
 class FrameAssembler {
  public:
-  /// `format` is the name of a reader, or "auto". Throws Error for one that reads no streams.
+  /// `format` is the name of a reader, or "auto". Throws Error for a reader that reads no streams.
   FrameAssembler(const Sensor& sensor, const std::string& format, LineOptions options,
                  Tally& tally);
 
-  /// Bytes that came at `now`; calls `use` with each frame that they complete.
+  /// Takes bytes that came at `now`, and calls `use` with each frame that they complete.
   void add(std::string_view bytes, Clock::time_point now, const std::function<void(Frame)>& use);
-  /// The stream was interrupted.
+  /// To be called when the stream was interrupted.
   void interrupt();
 
  private:
@@ -65,14 +65,14 @@ class FrameAssembler {
   LineSplitter splitter_;
   std::unique_ptr<LineReader> reader_;
   long next_ = 0;
-  long unknown_ = 0;  ///< lines before one was recognised
+  long unknown_ = 0;  ///< lines that no format has recognised
 };
 
 /// Names of the formats that come as streams.
 std::vector<std::string> stream_formats();
-/// The reader of that name. Throws Error that lists them.
+/// The stream reader of that name. Throws Error that lists the accepted names.
 const CaptureReader& stream_reader(const std::string& name);
-/// The one that recognises a line; null: none.
+/// The reader that recognises a line; null: none does.
 const CaptureReader* recognise_stream(std::string_view line);
 
 }  // namespace blindcorner::live

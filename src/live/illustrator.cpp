@@ -22,7 +22,7 @@ namespace {
 using namespace std::chrono_literals;
 using nlohmann::json;
 
-/// Pictures of light and grid in a second: as fast as an eye reads them.
+/// Time between two pictures of light and grid: as fast as an eye reads them.
 constexpr auto kInterval = 200ms;
 constexpr std::size_t kHistory = 600;
 constexpr int kMaxZones = 64;
@@ -36,7 +36,7 @@ std::optional<std::pair<double, double>> bounds_of(const Scene& scene, Component
   return std::nullopt;
 }
 
-/// How far an object reaches from its position, m.
+/// How far the objects reach from their positions, m.
 double reach_of(const Scene& scene) {
   double reach = 0.05;
   for (int i = 0; i < object_count(scene); ++i) {
@@ -59,7 +59,7 @@ json grid_json(const GridGeometry& grid, const std::vector<double>& probabilitie
           {"occupied_percent", std::move(cells)}};
 }
 
-/// What a curve and a trail need of an answer.
+/// The part of an answer that the page's curve and trail need.
 std::string history_entry(const Answer& answer) {
   const PoseMixture& posterior = answer.result.posterior;
   json pose = nullptr;
@@ -155,7 +155,7 @@ void Illustrator::run() {
     const auto begun = Clock::now();
     try {
       draw(**answer);
-    } catch (const std::exception&) {  // a picture less; the answer was given
+    } catch (const std::exception&) {  // one picture is missing; the answer was given
     }
     hub_.publish("status", status());
     std::this_thread::sleep_until(begun + kInterval);

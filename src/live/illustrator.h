@@ -21,11 +21,11 @@ namespace blindcorner::live {
 /// The page itself; `input` names the stream.
 std::string live_page(const Scene& scene, const std::string& input);
 
-/// Square cells over the search region of the hidden objects and the objects about it: at most some
-/// 60 along the longer side.
+/// Square cells over the search region of the first hidden object, widened on all sides by the
+/// reach of the objects: 60 cells along the longer side.
 GridGeometry region_grid(const Scene& scene);
 
-/// Works in a thread of its own, on the newest answer, so that the loop waits for none of it.
+/// Draws the newest answer in a thread of its own, so that the tracking loop never waits for it.
 class Illustrator {
  public:
   Illustrator(EventHub& hub, const Tally& tally);
@@ -35,7 +35,7 @@ class Illustrator {
 
   void show(std::shared_ptr<const Answer> answer);
   void tell(const std::string& state);
-  /// First events of a browser: what went before, and what is being done.
+  /// The first events for a new browser: the history and the current state.
   std::string greeting() const;
   /// State, counts and rate as JSON.
   std::string status() const;

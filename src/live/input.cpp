@@ -27,7 +27,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::string_view kTcp = "tcp://", kZeroMq = "zmq://";
-/// Between two attempts to open what is not there.
+/// Time between two attempts to open a source that is not there.
 constexpr auto kRetry = 300ms;
 constexpr auto kConnectPatience = 1000ms;
 constexpr std::size_t kMostBytes = 1 << 16;
@@ -172,7 +172,7 @@ int Input::connect_tcp(std::string& problem) const {
   return -1;
 }
 
-/// Raw bytes at the stated speed. What is no serial device stays as it is.
+/// Sets a serial device to raw bytes at the stated speed. Other devices stay as they are.
 void Input::set_up_serial() const {
   termios settings{};
   if (::tcgetattr(fd_, &settings) != 0) return;
@@ -203,7 +203,7 @@ Input::Event Input::pause(std::chrono::milliseconds patience) {
   return Event::nothing;
 }
 
-/// A message becomes the line that a log would have. ZeroMQ itself connects again.
+/// Turns a message into the line that a log would have. ZeroMQ itself connects again.
 Input::Event Input::read_published(std::string& into, std::chrono::milliseconds patience) {
   std::string message;
   switch (publisher_->receive(message, patience)) {

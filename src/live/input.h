@@ -12,7 +12,7 @@
 
 namespace blindcorner::live {
 
-/// scheme://host:port, taken apart. Throws Error naming `field`.
+/// The parts of scheme://host:port. The parser throws Error naming `field`.
 struct TcpAddress {
   std::string host;
   std::string port;
@@ -27,12 +27,14 @@ struct InputOptions {
   bool waits = true;    ///< for a device or port that is not there, or goes away
 };
 
-/// Reads what comes, and waits for what goes away: an unplugged device, a closed connection.
+/// Reads the bytes of a stream. If the source goes away, waits for it: an unplugged device, a
+/// closed connection.
 class Input {
  public:
   enum class Event { bytes, nothing, interrupted, ended };
 
-  /// Throws Error for an address that can never be read, or that cannot now and `waits` is false.
+  /// Throws Error for an address that can never be read. If `waits` is false, also throws for one
+  /// that cannot be read at once.
   Input(InputOptions options, Tally& tally);
   ~Input();
   Input(const Input&) = delete;
@@ -41,7 +43,7 @@ class Input {
   /// Waits at most `patience` for bytes, which replace what `into` holds.
   Event read(std::string& into, std::chrono::milliseconds patience);
 
-  /// Whether what is not read waits, as a regular file does. A sensor does not.
+  /// Whether unread bytes wait, as those of a regular file do. A sensor's bytes do not.
   bool is_file() const { return kind_ == Kind::file; }
 
  private:

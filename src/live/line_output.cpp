@@ -16,7 +16,7 @@ using namespace std::chrono_literals;
 
 constexpr auto kPipePatience = 100ms;
 constexpr auto kFarewell = 2s;
-/// A pipe that poll calls writable takes as many bytes at once without blocking (PIPE_BUF).
+/// Bytes that a pipe takes at once without blocking if poll calls it writable (PIPE_BUF).
 constexpr std::size_t kPiece = 4096;
 
 long now_ns() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Lines to a pipe or file whose reader may be slow, or gone: the caller never waits.
+/// Writes lines to a pipe or file whose reader may be slow or gone. The caller never waits.
 #pragma once
 
 #include <atomic>
@@ -14,15 +14,15 @@ namespace blindcorner::live {
 
 class LineOutput {
  public:
-  /// Writes to the file descriptor `fd`, which stays the caller's. At most `capacity` lines wait;
-  /// where there is no room, a new line is left out whole and counted.
+  /// Writes to the file descriptor `fd`, which stays the caller's. At most `capacity` lines wait.
+  /// If there is no room, a new line is left out whole and counted.
   LineOutput(int fd, Tally& tally, std::size_t capacity = 256);
-  /// Gives what waits two seconds.
+  /// Waits at most two seconds until the waiting lines are written.
   ~LineOutput();
   LineOutput(const LineOutput&) = delete;
   LineOutput& operator=(const LineOutput&) = delete;
 
-  /// A line without its end.
+  /// Adds a line, given without its line end.
   void put(std::string line);
   /// Whether the other side has closed.
   bool broken() const { return broken_; }
@@ -36,7 +36,7 @@ class LineOutput {
   Tally& tally_;
   Mailbox<std::string> lines_;
   std::atomic<bool> broken_ = false;
-  std::atomic<long> end_ = 0;  ///< steady clock, ns; 0: not asked to end
+  std::atomic<long> end_ = 0;  ///< deadline of the last writes, steady clock, ns; 0: none
   std::thread thread_;
 };
 

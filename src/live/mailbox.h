@@ -12,13 +12,14 @@
 
 namespace blindcorner::live {
 
-/// A queue of at most `capacity`. With a capacity of one it holds the latest. Thread safe.
+/// A queue of at most `capacity` items. With a capacity of one it holds the latest item. Thread
+/// safe.
 template <typename T>
 class Mailbox {
  public:
   explicit Mailbox(std::size_t capacity = 1) : capacity_(capacity) {}
 
-  /// Never waits. What does not fit pushes out the oldest; returns how many were.
+  /// Never waits. Drops the oldest items if there is no room for this one. Returns how many.
   std::size_t put(T value) {
     std::size_t dropped = 0;
     {
@@ -31,7 +32,7 @@ class Mailbox {
     return dropped;
   }
 
-  /// Never waits, and drops nothing: false where there is no room.
+  /// Never waits, and drops nothing. False if there is no room or the box is closed.
   bool offer(T value) {
     {
       const std::lock_guard lock(mutex_);
@@ -42,7 +43,7 @@ class Mailbox {
     return true;
   }
 
-  /// Waits for room; false where the box was closed meanwhile.
+  /// Waits for room. False if the box is closed meanwhile.
   bool put_patiently(T value) {
     {
       std::unique_lock lock(mutex_);
@@ -54,7 +55,8 @@ class Mailbox {
     return true;
   }
 
-  /// The oldest; nothing when none came within `patience` or the box is closed and empty.
+  /// Takes the oldest item. Nothing if none came within `patience`, or if the box is closed and
+  /// empty.
   std::optional<T> take(std::chrono::milliseconds patience) {
     std::optional<T> value;
     {
@@ -68,7 +70,7 @@ class Mailbox {
     return value;
   }
 
-  /// Nothing more comes in; what is there can be taken.
+  /// After this call no item comes in. The items that are there can still be taken.
   void close() {
     {
       const std::lock_guard lock(mutex_);

@@ -20,18 +20,19 @@ using namespace std::chrono_literals;
 
 /// Connections that are served at a time: the hub's browsers, and some that ask for pages.
 constexpr std::size_t kWorkers = 80;
-/// Connections that wait for one of them. More wait in the kernel, which has its own bound.
+/// Connections that wait for a free worker. More wait in the kernel, which has its own bound.
 constexpr std::size_t kMostWaiting = 16;
-/// A request that is slower is given up, s; and one that reads nothing.
+/// Seconds after which the server gives up a request that has not come in, or a client that does
+/// not read.
 constexpr time_t kReadPatience = 2, kWritePatience = 2;
 constexpr std::size_t kMostBody = 1024;  ///< bytes; no request of the page has any
 constexpr std::size_t kRequestsPerConnection = 100;
-constexpr auto kBeat = 1s;  ///< a comment in a silent stream shows who is gone
+constexpr auto kBeat = 1s;  ///< a comment this often in a silent stream shows who is gone
 
-/// What a queue says of a job: nothing, or in later versions whether it took the job.
+/// What a queue returns for a job: nothing, or in later versions whether it took the job.
 using Taken = decltype(std::declval<httplib::TaskQueue&>().enqueue({}));
 
-/// A bounded pool. Whoever enqueues waits, and that is only the thread that accepts connections.
+/// A bounded pool. Only the thread that accepts connections enqueues jobs, and waits if it is full.
 class BoundedPool : public httplib::TaskQueue {
  public:
   BoundedPool() {
@@ -47,7 +48,7 @@ class BoundedPool : public httplib::TaskQueue {
     changed_.notify_all();
     return static_cast<Taken>(true);
   }
-  /// From now on nobody waits.
+  /// After this call nobody waits, and the threads end when no job is left.
   void end() {
     {
       const std::lock_guard lock(mutex_);
@@ -191,8 +192,8 @@ struct PageServer::Impl {
         response.set_header("Set-Cookie", cookie_name() + "=" + rules.token +
                                               "; HttpOnly; SameSite=Strict; Path=/");
       }
-      // A provider's bytes go out as they are. What is set as the content is compressed by the
-      // library for each browser that accepts it, which takes seconds where fits take the
+      // A provider's bytes go out as they are. If the page were set as content, the library would
+      // compress it for each browser that accepts that, which takes seconds while fits use the
       // processors.
       response.set_content_provider(
           served.page.size(), "text/html; charset=utf-8",

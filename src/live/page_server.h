@@ -15,9 +15,9 @@ namespace blindcorner::live {
 struct ServerOptions {
   std::string address = "127.0.0.1";
   int port = 8628;      ///< 0: any that is free
-  std::string token{};  ///< empty: none is asked for
+  std::string token{};  ///< empty: no token is asked for
 
-  /// Throws Error where others could read without a token.
+  /// Throws Error if others could read without a token, or if the port is out of range.
   void validate() const;
 };
 
@@ -37,7 +37,7 @@ class PageServer {
   PageServer& operator=(const PageServer&) = delete;
 
   int port() const;
-  /// What to open in a browser, with the token.
+  /// The address to open in a browser, with the token.
   std::string url() const;
 
  private:

@@ -18,22 +18,22 @@ struct RecorderOptions {
   double bin_width = 0;
   std::string sensor{};
   std::string description{};
-  /// Counts in one file, bytes; a file that is full is written and its frames are let go, so that
-  /// memory is bounded by a file, the queue before it, and what writing takes.
+  /// Most bytes of counts in one file. A full file is written and its frames are let go. Memory is
+  /// thus bounded by one file, the queue before it, and what writing takes.
   std::size_t most_bytes = 64UL << 20;
   double save_interval = 60;  ///< s after which a file that is not full is written all the same
 };
 
-/// Files are written whole (beside, then renamed), by a thread of its own.
+/// A thread of its own writes the files. Each is written whole: beside its place, then renamed.
 class Recorder {
  public:
-  /// Throws Error where the first file cannot be written to its folder.
+  /// Throws Error if the folder of the first file does not exist.
   Recorder(RecorderOptions options, Tally& tally);
   ~Recorder();
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
 
-  /// Takes a frame in. With `patient` it waits where the disk is slow, else the frame is left out
+  /// Takes a frame. If the disk is slow, a `patient` call waits; otherwise the frame is left out
   /// and counted.
   void add(Capture capture, bool patient);
 

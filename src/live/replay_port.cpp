@@ -23,7 +23,7 @@ namespace blindcorner::live {
 namespace {
 
 constexpr int kLookEvery = 100;  ///< ms between looks at whether to stop
-/// A reader that takes nothing for so long is let go, ms.
+/// A reader that takes nothing for this long is let go, ms.
 constexpr int kDeaf = 2000;
 
 enum class Written { all, reader_gone, stopped };
@@ -81,7 +81,7 @@ class PseudoTerminal : public ReplayPort {
     std::array<char, 128> path{};
     if (::ptsname_r(master_.get(), path.data(), path.size()) != 0) throw failed("pseudo-terminal");
     path_ = path.data();
-    // Opened and closed once, it shows from then on whether anybody has it open.
+    // After the terminal was opened and closed once, poll shows whether anybody has it open.
     const Descriptor once(::open(path_.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC));
     if (once.get() < 0) throw failed(path_);
     termios settings{};

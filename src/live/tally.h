@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What goes wrong while a stream runs: each kind is named once and counted always.
+/// What goes wrong while a stream runs. Each kind of trouble is reported once and always counted.
 #pragma once
 
 #include <array>
@@ -42,13 +42,13 @@ class Tally {
   void add(Count kind, long n = 1) { counts_[place(kind)] += n; }
   /// Counts, and says `text` if it is the first of its kind.
   void note(Count kind, const std::string& text, long n = 1);
-  /// Says it whatever was said before.
+  /// Says `text`, whatever was said before.
   void say(const std::string& text);
 
   long of(Count kind) const { return counts_[place(kind)]; }
   /// All counts by name.
   std::map<std::string, long> all() const;
-  /// "frames 120, answers 118, skipped_frames 2": those that are not zero.
+  /// The counts that are not zero: "frames 120, answers 118, skipped_frames 2".
   std::string text() const;
 
  private:

@@ -20,17 +20,18 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kFramePatience = 100ms;
-/// Empty frames that are kept, so that memory is bounded: a static background is then known to a
-/// sixteenth of one frame's noise, below what the noise of a later frame hides.
+/// Most empty frames that are kept, so that memory is bounded. With so many, the static background
+/// is known to a sixteenth of one frame's noise. The noise of a later frame hides so small an
+/// error.
 constexpr std::size_t kMostEmpty = 256;
-/// A calibration takes at least these frames: its noise is estimated from their differences.
+/// Fewest frames for a calibration, which estimates the noise from their differences.
 constexpr std::size_t kLeastEmpty = 4;
-/// Captures of one sensor placement to expect: it pays to prepare for many.
+/// Expected captures of one sensor placement: so many that preparation pays.
 constexpr int kMany = 1'000'000;
-/// Of the tracker's history: a live answer is never smoothed.
+/// Frames of the tracker's history: a live answer is never smoothed.
 constexpr int kLag = 1;
-/// Searches of the whole region at regular times may take this share of the time; and looking back
-/// at the frames of a young track this long, s. By judgement: frames are passed over meanwhile.
+/// Regular searches of the whole region may take kSearchShare of the time. Looking back at the
+/// frames of a young track may take kLookBack, s. By judgement: frames are passed over meanwhile.
 constexpr double kSearchShare = 0.05;
 constexpr double kLookBack = 1.0;
 
@@ -40,11 +41,11 @@ TrackerOptions tracker_options() {
   return options;
 }
 
-/// What a search that takes `search_time` s leaves time for.
+/// Tracker options if a search takes `search_time` s.
 TrackerOptions tracker_options_for(double search_time) {
   TrackerOptions options = tracker_options();
   options.search_interval = std::max(options.search_interval, search_time / kSearchShare);
-  // A look at a young track's frames takes about as long as a search, for each of them.
+  // Looking at one frame of a young track takes about as long as a search.
   const double frames = kLookBack / std::max(search_time, 1e-6);
   options.young_frames = static_cast<int>(std::min<double>(options.young_frames, frames));
   return options;
@@ -87,8 +88,8 @@ Scene calibrated_on_empty(const Scene& scene, const std::vector<Capture>& empty)
                                    std::to_string(kLeastEmpty));
   }
   CalibrationOptions options;
-  options.permutations = options.wraps = false;  // seconds, and settled before anybody goes live
-  options.variance_scale = false;                // asks for fits of known objects
+  options.permutations = options.wraps = false;  // take seconds; settled before anybody goes live
+  options.variance_scale = false;                // needs fits of known objects
   return calibrate(scene, empty, options, true).scene;
 }
 
@@ -140,18 +141,18 @@ void TrackingLoop::calibrate(const TellState& tell) {
   empty_ = {};
 }
 
-/// Does what the first frame would wait for, and sees how long a search takes.
+/// Does the work that the first frame would wait for, and measures how long a search takes.
 void TrackingLoop::prepare(const Capture& capture) {
   try {
     Clock::time_point begun{};
     TrackerOptions searching = tracker_options();
-    searching.worth_a_search = 0;  // in any case
-    for (int i = 0; i < 2; ++i) {  // the first compiles
+    searching.worth_a_search = 0;  // search in any case
+    for (int i = 0; i < 2; ++i) {  // the first run compiles
       begun = Clock::now();
       Tracker(*scene_, motion_, searching).advance(0, fitter_->frame(capture));
     }
     tracker_.emplace(*scene_, motion_, tracker_options_for(seconds(Clock::now() - begun)));
-  } catch (const std::exception&) {  // the answer says so
+  } catch (const std::exception&) {  // the frame's answer reports it
   }
 }
 
@@ -176,7 +177,7 @@ std::shared_ptr<Answer> TrackingLoop::answer(const Frame& frame) {
   last_number_ = frame.number;
   double since = last_tracked_ ? std::max(answer->time - *last_tracked_, 0.0) : 0.0;
   if (options_.every_frame && last_tracked_) {
-    // Exactly what fit --track takes, so that both search in the same frames.
+    // The same time as in `fit --track`, so that both search in the same frames.
     since = motion_.frame_interval * static_cast<double>(frame.number - last_tracked_number_);
   }
   try {

@@ -16,7 +16,7 @@ namespace {
 
 /// The longest message of a TMF8829 is 24 frames of 25 kB.
 constexpr std::int64_t kLongestMessage = 4 << 20;
-/// Messages that wait here; older ones are gone, as with a sensor.
+/// Most messages that wait here. If more come, some are lost, as with a sensor.
 constexpr int kWaiting = 4;
 /// Time for a connection to be made before the next attempt, ms.
 constexpr int kConnectPatience = 2000;
@@ -41,7 +41,7 @@ struct ZeroMqSubscriber::Impl {
   Socket subscriber{context.get(), ZMQ_SUB};
   Socket monitor{context.get(), ZMQ_PAIR};
 
-  /// What became of the connection: an event's number, then its address in a second part.
+  /// What became of the connection. An event's number comes first, its address in a second part.
   Event connection() const {
     Event result = Event::nothing;
     std::array<char, 256> part{};
@@ -64,7 +64,8 @@ ZeroMqSubscriber::ZeroMqSubscriber(const std::string& address, const std::string
   zmq_setsockopt(socket, ZMQ_IPV6, &yes, sizeof yes);
   zmq_setsockopt(socket, ZMQ_RCVHWM, &waiting, sizeof waiting);
   zmq_setsockopt(socket, ZMQ_MAXMSGSIZE, &kLongestMessage, sizeof kLongestMessage);
-  // A publisher that goes while a connection is made would keep the subscriber for half a minute.
+  // Without these times, a publisher that goes away while a connection is made would keep the
+  // subscriber for half a minute.
   zmq_setsockopt(socket, ZMQ_CONNECT_TIMEOUT, &patience, sizeof patience);
   zmq_setsockopt(socket, ZMQ_HANDSHAKE_IVL, &patience, sizeof patience);
   zmq_setsockopt(socket, ZMQ_SUBSCRIBE, "", 0);
@@ -87,7 +88,7 @@ ZeroMqSubscriber::Event ZeroMqSubscriber::receive(std::string& into,
   std::array<zmq_pollitem_t, 2> waiting{
       {{impl_->subscriber.get(), 0, ZMQ_POLLIN, 0}, {impl_->monitor.get(), 0, ZMQ_POLLIN, 0}}};
   if (zmq_poll(waiting.data(), waiting.size(), patience.count()) <= 0) return Event::nothing;
-  // What came before the connection went is read first.
+  // Messages that came before the connection was lost are read first.
   if ((waiting[0].revents & ZMQ_POLLIN) == 0) return impl_->connection();
   zmq_msg_t message;
   zmq_msg_init(&message);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What a ZeroMQ publisher sends. Without libzmq at build time, a subscriber cannot be made.
+/// Receives what a ZeroMQ publisher sends. Without libzmq at build time, no subscriber can be made.
 #pragma once
 
 #include <chrono>
@@ -12,8 +12,8 @@ class ZeroMqSubscriber {
  public:
   enum class Event { message, nothing, connected, disconnected };
 
-  /// Connects to tcp://host:port in the background, again and again. Throws Error for what ZeroMQ
-  /// refuses, or where the program was built without it; `field` is what the user called it.
+  /// Connects to tcp://host:port in the background, again and again. Throws Error naming `field` if
+  /// ZeroMQ refuses the address, or if the program was built without ZeroMQ.
   ZeroMqSubscriber(const std::string& address, const std::string& field);
   ~ZeroMqSubscriber();
 

@@ -10,14 +10,14 @@
 namespace blindcorner {
 namespace {
 
-// Pixels: of the picture, and of its margins around the bars.
+// Pixels: the size of the picture, and its margins around the bars.
 constexpr double kWidth = 900, kHeight = 300, kLeft = 50, kTop = 46, kBottom = 40;
 constexpr double kWidestBar = 44;
 
-/// Where a share lies.
+/// Height at which a share is drawn, pixels from the top.
 double y(double share) { return kTop + (1 - share) * (kHeight - kTop - kBottom); }
 
-/// A line with caps, light below it so that it is seen on a bar of any colour.
+/// A line with caps, on a wider light line that keeps it visible on a bar of any colour.
 std::string interval_svg(const ShareInterval& interval, double x) {
   const std::string d =
       formatted("d=\"M%.1f %.1fh8m-4 0V%.1fm-4 0h8\"/>", x - 4, y(interval.low), y(interval.high));
@@ -38,7 +38,7 @@ std::string bar_svg(const Bar& bar, double x, double width) {
   return svg;
 }
 
-/// `middle`: of the part of the picture, `step` pixels wide, that is the group's.
+/// `middle`: centre of the group's part of the picture, which is `step` pixels wide.
 std::string group_svg(const BarGroup& group, double middle, double step) {
   std::string svg;
   const auto count = static_cast<double>(group.bars.size());
@@ -53,7 +53,7 @@ std::string group_svg(const BarGroup& group, double middle, double step) {
          html_safe(group.label) + "</text>";
 }
 
-/// The bars of all groups, each name once.
+/// The names of the bars of all groups, each name once.
 std::string legend_svg(const std::vector<BarGroup>& groups) {
   std::string svg;
   std::set<std::string> named;

@@ -16,10 +16,10 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// How far a sector of the field of view that meets no surface is drawn, m.
+/// Length to which the field of view is drawn if none of its directions meets a surface, m.
 constexpr double kOpenRange = 3.0;
-/// Directions along each edge of a zone; more than corners because a footprint that crosses from
-/// one surface to another has a bend.
+/// Directions along each edge of a zone. Corners alone are not enough: a footprint that crosses
+/// from one surface to another has a bend.
 constexpr int kZoneDirections = 7;
 /// Sectors in which the reach of the field of view is drawn.
 constexpr int kSectors = 48;
@@ -100,7 +100,8 @@ class Fan {
     rays_.push_back({azimuth, reach});
   }
 
-  /// Empty when the field spans more than half a turn, as of a sensor that looks down.
+  /// Empty when the field of view spans more than half a turn, as it does for a sensor that looks
+  /// down.
   Outline outline() const {
     if (rays_.empty()) return {};
     const auto [first, last] = std::ranges::minmax(rays_, {}, &Ray::azimuth);

@@ -17,9 +17,10 @@ using Eigen::Vector2d;
 
 constexpr double kWidth = 566, kHeight = 640;  // pixels, at most: two fill the page's width
 constexpr double kBorder = 34;                 // pixels, for numbers along the edges
-constexpr double kDecibelRoom = 1.25;          // room of the scale at both ends
+constexpr double kDecibelRoom = 1.25;          // factor by which the scale is longer at both ends
 
-/// Dark blue to yellow: light where the error is large, for colour-blind eyes and in grey as well.
+/// Dark blue to yellow: the larger the error, the lighter the colour. The order can also be seen by
+/// colour-blind eyes and in grey.
 constexpr std::array<std::array<double, 3>, 6> kColours{
     {{33, 30, 92}, {49, 76, 144}, {36, 124, 142}, {53, 172, 122}, {158, 207, 66}, {250, 231, 60}}};
 
@@ -42,7 +43,7 @@ std::string length_text(double metres) {
   return metres < 0.995 ? formatted("%.0f cm", 100 * metres) : formatted("%.2g m", metres);
 }
 
-/// Pixels of a part of the world seen from above, north up.
+/// Maps a part of the world, seen from above with north up, to pixels.
 struct View {
   Vector2d low, high;  ///< m
   double zoom = 1;     ///< pixels per m
@@ -82,7 +83,7 @@ std::string begin_svg(const View& view, const std::string& id) {
                    kBorder, kBorder, view.width - 2 * kBorder, view.height - 2 * kBorder);
 }
 
-/// Steps of 1, 2 or 5 times a power of ten, about five of them.
+/// A step of 1, 2 or 5 times a power of ten that divides the span into about five.
 double tick_step(double span) {
   const double power = std::pow(10.0, std::floor(std::log10(span / 5)));
   for (const double factor : {1.0, 2.0, 5.0}) {

@@ -13,11 +13,11 @@ struct ErrorScale {
   double least = 0.01, most = 1;
 };
 
-/// Of all maps together, without the few most extreme places.
+/// The range of all maps together. The few most extreme places are left out.
 ErrorScale error_scale(const std::vector<BoundMap>& maps);
 
-/// The whole scene: sensor, what it sees, surfaces, the hidden area in colours. One <svg> element.
-/// `number` tells it from those of other maps on the page.
+/// The whole scene: the sensor, what it sees, the surfaces, and the hidden area in colours. One
+/// <svg> element. `number` tells this map from the others on the page.
 std::string overview_svg(const BoundMap& map, const ErrorScale& scale, int number);
 
 /// The hidden area by itself, with hatching where nothing would be noticed.

@@ -19,7 +19,7 @@ using Json = nlohmann::ordered_json;
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
-/// Three digits of a length for readers of a page.
+/// A length for readers of a page, with two significant digits.
 std::string length(double metres) {
   if (!std::isfinite(metres)) return "-";
   return metres < 1 ? formatted("%.2g cm", 100 * metres) : formatted("%.2g m", metres);

@@ -10,11 +10,11 @@
 
 namespace blindcorner {
 
-/// A place where fewer captures than this show the object is called one where it is not noticed.
+/// The object counts as noticed at a place where at least this share of the captures shows it.
 inline constexpr double kNoticed = 0.5;
 
-/// The bounds over the hidden area for one place of the sensor. Along x and y the object is at the
-/// centres of the cells; what else is unknown has the same value everywhere.
+/// The bounds over the hidden area for one place of the sensor. The object is at the centres of
+/// cells along x and y. Every other unknown has the same value at all places.
 struct BoundMap {
   std::string name;                           ///< of the sensor pose
   Scene scene;                                ///< seen from there
@@ -24,7 +24,7 @@ struct BoundMap {
   std::vector<double> x_m, y_m;    ///< cell centres; one where the coordinate is known
   Eigen::Vector2d cell{0, 0};      ///< m, edges of a cell along x and y
   std::vector<PoseBound> places;   ///< [y][x]
-  std::vector<std::string> hints;  ///< what of the region cannot be seen, and why
+  std::vector<std::string> hints;  ///< which parts of the region cannot be seen, and why
 
   const PoseBound& at(std::size_t row, std::size_t column) const {
     return places[row * x_m.size() + column];
@@ -34,7 +34,7 @@ struct BoundMap {
 /// What a map says in a few numbers.
 struct BoundSummary {
   double noticed_share = 0;    ///< of the places
-  double median_error = 0;     ///< m, of the places where the object is noticed; NaN of none
+  double median_error = 0;     ///< m, of the places where the object is noticed; NaN: no such place
   double p90_error = 0;        ///< m, the same
   double ambiguous_share = 0;  ///< of the places
   double median_photons = 0;

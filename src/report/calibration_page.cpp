@@ -18,7 +18,7 @@ std::string assignment_text(const SpotAssignment& assignment) {
   return text;
 }
 
-/// "value +- error", the error of a logarithmic parameter as a factor's per cent.
+/// "value +- error". The error of a logarithmic parameter is in per cent of the value.
 std::string value_text(const CalibratedParameter& p) {
   if (!p.determined) return formatted("%.6g", p.value);
   if (p.logarithmic) return formatted("%.6g +- %.2g %%", p.value, 100 * p.standard_error);
@@ -53,7 +53,7 @@ std::string summary_line(const Calibration& c) {
                    c.expected_deviance);
 }
 
-/// Values from `least` on.
+/// A series over time, ns. Values below `least` are left out.
 ChartSeries series_of(const char* name, const char* colour, const std::vector<double>& values,
                       double bin_width, SeriesStyle style, double least) {
   ChartSeries series{name, {}, style, colour};
@@ -69,7 +69,7 @@ Chart view_chart(const CalibrationView& view, double bin_width, bool background)
               background ? "mean counts, without background" : "mean counts"};
   // The direct return is a thousand times as tall as the light by way of an object.
   chart.logarithmic_y = true;
-  // What the model has far below anything measured would take most of that axis.
+  // Model values far below all measured ones would take up most of that axis.
   double least = std::numeric_limits<double>::infinity();
   for (const double value : view.measured) {
     if (value > 0) least = std::min(least, 0.1 * value);
@@ -84,7 +84,7 @@ Chart view_chart(const CalibrationView& view, double bin_width, bool background)
 /// Deviance beyond this many times its expectation: the model does not explain the captures.
 constexpr double kPoorFit = 2;
 
-/// Whether any gain was looked for and none was found.
+/// Whether gains were looked for and none was determined.
 bool gains_unknown(const Calibration& c) {
   bool any = false;
   for (const CalibratedParameter& p : c.parameters) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What a calibration found out, for the eye.
+/// What a calibration found out, as a page and as text.
 #pragma once
 
 #include <string>
@@ -8,7 +8,7 @@
 
 namespace blindcorner {
 
-/// Measured against modelled histograms before and after, and all parameters.
+/// Measured histograms beside those of the model before and after, and all parameters.
 std::string calibration_page(const Scene& before, const Calibration& calibration);
 
 /// The same as text for a terminal, without the histograms.

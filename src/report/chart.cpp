@@ -15,12 +15,13 @@ namespace {
 /// Room around the plot, pixels; the legend takes more above it.
 constexpr double kLeft = 58, kRight = 12, kTop = 24, kBottom = 38;
 constexpr double kLegendRow = 14, kLegendGap = 14;
-/// Width of a letter, pixels, rather more than less: for breaking the legend into rows.
+/// Width of a letter, pixels, rounded up. The legend's rows and the places of rules' names need it.
 constexpr double kLetter = 6.8;
 constexpr double kLetterHeight = 13;
-/// Labels of points, pixels: the height of a line, and how near points share one.
+/// Labels of points, pixels: height of a line and width. Points that are nearer than both share a
+/// label.
 constexpr double kLabelLine = 12, kLabelWidth = 40;
-/// About as many ticks fit on an axis.
+/// About this many ticks fit on an axis.
 constexpr int kTicks = 4;
 constexpr int kMaxDecades = 8;
 
@@ -35,7 +36,8 @@ class Axis {
     low_ = std::min(low_, v);
     high_ = std::max(high_, v);
   }
-  /// Room at both ends, as a share of the range (linear axes); zero stays at the very end.
+  /// Fixes the range. `margin` is the room at both ends of a linear axis, as a share of the range.
+  /// A range that begins at zero gets no room there.
   void settle(double margin, double from_pixel, double to_pixel) {
     from_ = from_pixel;
     to_ = to_pixel;
@@ -73,7 +75,8 @@ class Axis {
     }
     return ticks;
   }
-  /// Decades, some left out where there are many; within less than two, 1, 2 and 5 of each.
+  /// Powers of ten, some left out where there are many. Where fewer than two lie on the axis, the
+  /// ticks are 1, 2 and 5 times each power.
   std::vector<double> log_ticks() const {
     const int first = static_cast<int>(std::floor(std::log10(low_)));
     const int last = static_cast<int>(std::ceil(std::log10(high_)));
@@ -114,7 +117,7 @@ struct Pixel {
   double x = 0, y = 0;
 };
 
-/// Where the points of a series that can be drawn lie.
+/// Pixels of those points of a series that can be drawn.
 std::vector<Pixel> pixels_of(const ChartSeries& series, const Axis& x, const Axis& y) {
   std::vector<Pixel> pixels;
   for (const ChartPoint& p : series.points) {
@@ -130,8 +133,8 @@ bool is_drawn(const Chart& chart, const ChartSeries& series) {
                              [&](const ChartPoint& p) { return x.shows(p.x) && y.shows(p.y); });
 }
 
-/// Names of what is drawn in their series' colours, in rows from the left; returns the height that
-/// they take.
+/// Writes the names of the drawn series in their colours, in rows from the left. Returns the height
+/// of the rows.
 double add_legend(const Chart& chart, std::string& svg) {
   double x = 0, height = 0;
   for (std::size_t i = 0; i < chart.series.size(); ++i) {
@@ -207,7 +210,7 @@ struct Box {
   }
 };
 
-/// How much of what is drawn goes through a box: points, and places along lines.
+/// How much of the drawing lies in a box: points, and places along the lines between them.
 int crossings(const Chart& chart, const Axis& x, const Axis& y, const Box& box) {
   constexpr int kPlaces = 64;  // along a line from one point to the next
   int count = 0;
@@ -227,7 +230,8 @@ int crossings(const Chart& chart, const Axis& x, const Axis& y, const Box& box) 
   return count;
 }
 
-/// The rule's name where the fewest curves go, with an edge in the colour of the paper.
+/// Writes the rule's name where it covers least of the curves, with an edge in the colour of the
+/// paper.
 void add_rule_name(const Chart& chart, const ChartRule& rule, const Axis& x, const Axis& y,
                    double top, std::string& svg) {
   if (!(rule.vertical ? x : y).shows(rule.at)) return;
@@ -278,8 +282,8 @@ class Labels {
       all_.push_back({x, y, text});
     }
   }
-  /// A line higher for each series, so that those of one series are not over those of another;
-  /// below the point where that would leave the picture.
+  /// The labels of each further series stand a line higher, so that they do not cover those of
+  /// another series. A label that would leave the picture at the top stands below its point.
   std::string text(const Chart& chart, const std::string& colour, std::size_t series) const {
     std::string svg;
     for (const Label& label : all_) {
@@ -357,8 +361,8 @@ std::string chart_svg(const Chart& chart) {
 
 std::string charts_html(const std::vector<Chart>& charts) {
   std::string html = "<div class=\"charts\">\n";
-  // A telephone shows these at three quarters of their size; letters of wider ones would be too
-  // small.
+  // A telephone shows charts of this width at three quarters of their size. The letters of wider
+  // ones would be too small.
   constexpr int kShrinks = 470;  // pixels
   for (const Chart& chart : charts) {
     const bool scrolls = chart.width > kShrinks;

@@ -17,15 +17,15 @@ enum class SeriesStyle {
   marked_line,  ///< with a dot at each point that tells its values when pointed at
   dots,
   circles,        ///< that tell their values when pointed at
-  marks,          ///< filled ones that tell their values when pointed at
+  marks,          ///< filled circles that tell their values when pointed at
   labelled_line,  ///< with the points' labels beside them
 };
 
 struct ChartSeries {
-  std::string name;  ///< in the legend; empty: not there
+  std::string name;  ///< in the legend; empty: no entry
   std::vector<ChartPoint> points{};
   SeriesStyle style = SeriesStyle::line;
-  std::string colour{};  ///< CSS; empty: the palette's, by the place among the chart's series
+  std::string colour{};  ///< CSS; empty: from the palette, by the place among the chart's series
 };
 
 /// A dashed line across a chart.
@@ -48,7 +48,7 @@ struct Chart {
 /// One <svg> element.
 std::string chart_svg(const Chart& chart);
 
-/// A block of charts, as many beside each other as the page is wide.
+/// A block of charts, as many side by side as fit on the page.
 std::string charts_html(const std::vector<Chart>& charts);
 
 }  // namespace blindcorner

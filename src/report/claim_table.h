@@ -12,13 +12,13 @@
 
 namespace blindcorner {
 
-/// What is claimed of a scene at a level of light, and what was found. On the terminal and on pages
-/// scene and light stand above the table.
+/// What is claimed of a scene at a level of light, and what was found. Scene and light are columns
+/// for programs alone: on the terminal and on pages they stand above the table.
 std::vector<TableRow> claim_rows(const Scene& scene, const ClaimLevel& level);
 
 /// A number, or nothing for the scene's own exposure.
 TableCell photons_cell(const ClaimLevel& level);
-/// Rows of all levels of all scenes, as `rows` has them of one.
+/// The rows of all levels of all scenes; `rows` makes those of one level.
 template <class Level, class Base>
 std::vector<TableRow> all_rows(const std::vector<StudyScene<Level>>& scenes,
                                std::vector<TableRow> (*rows)(const Scene&, const Base&)) {
@@ -36,7 +36,7 @@ nlohmann::ordered_json study_json(const std::string& format, const ClaimStudyOpt
                                   const std::string& headline);
 /// Light and exposure of a level, which begin its entry.
 nlohmann::ordered_json level_json(const ClaimLevel& level);
-/// Scenes with their levels, each as `level` writes it.
+/// Scenes with their levels; `level` writes each level.
 template <class Level>
 nlohmann::ordered_json scenes_json(const std::vector<StudyScene<Level>>& scenes,
                                    nlohmann::ordered_json (*level)(const Scene&, const Level&)) {

@@ -11,7 +11,7 @@
 namespace blindcorner {
 namespace {
 
-/// Points that a curve is drawn with at most.
+/// Most points that a curve is drawn with.
 constexpr std::size_t kMaxCurvePoints = 400;
 
 constexpr const char* kUnits =
@@ -25,12 +25,12 @@ Chart loss_chart(CnnArchitecture network, const CnnTrainingResult& result) {
   Chart chart{"loss", "epoch",
               wide ? "negative log likelihood of the normalised outputs, mean of the ensemble"
                    : "mean squared error of the normalised outputs"};
-  chart.logarithmic = !wide;  // the likelihood may be above one
+  chart.logarithmic = !wide;  // a likelihood above one has a negative value
   chart.width = 460;          // a telephone shows it at three quarters of that
   chart.height = 320;
   ChartSeries training{wide ? "training" : "training, with dropout"}, validation{"held back"};
   const std::size_t count = result.history.size();
-  // As many points of each factor of epochs, as the axis shows them.
+  // Points at equal factors of the epoch: a logarithmic axis shows them at equal distances.
   double next = 1;
   const double factor = std::pow(static_cast<double>(std::max<std::size_t>(count, 2)),
                                  1.0 / static_cast<double>(kMaxCurvePoints));

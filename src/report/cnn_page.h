@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Training and evaluation of the learned baseline, for the eye.
+/// Training and evaluation of the learned baseline: pages, and the losses as CSV.
 #pragma once
 
 #include <string>
@@ -18,7 +18,8 @@ std::string training_page(const Scene& scene, const CnnTrainingOptions& options,
                           const CnnTrainingResult& result,
                           const std::vector<PointEstimate>& held_back);
 
-/// Errors, their distribution and a bird's-eye view; `capture_ms` is what a capture took, median.
+/// Errors, their distribution and a bird's-eye view. `capture_ms` is the median time that a capture
+/// took.
 std::string cnn_evaluation_page(const Scene& scene, const CnnDescription& network,
                                 const std::vector<PointEstimate>& estimates, double capture_ms);
 

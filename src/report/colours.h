@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// One colour for one thing, on all pages. Pages define the variables (theme.css), for light and
-/// dark; the values behind the commas serve pictures that stand alone.
+/// One colour for one thing, on all pages. The variables are defined in theme.css, for light and
+/// dark pages. The values after the commas serve pictures that stand alone.
 #pragma once
 
 #include <cstddef>
@@ -20,11 +20,11 @@ inline constexpr const char* kLine = "var(--line,#8b949d)";
 inline constexpr const char* kPaper = "var(--paper,#fff)";
 inline constexpr const char* kInk = "var(--ink,#1b1f24)";
 
-/// Of the i-th series of a chart, where what it shows has no colour of its own.
+/// Colour of the i-th series of a chart, for series without a colour of their own.
 std::string of_series(std::size_t i);
 
-/// Of a way to perceive or a method, by its name: the solver's is that of what it finds, the
-/// oracle's the truth's. Unknown names take the colours that are left, by `place`.
+/// Colour of a perception or a method, by its name. The solver has the colour of what it finds, the
+/// oracle that of the truth. Unknown names take the colours of series by `place`.
 std::string of_method(std::string_view name, std::size_t place = 0);
 
 }  // namespace blindcorner::colour

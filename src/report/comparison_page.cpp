@@ -17,7 +17,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Columns of the CSV: whatever a scene of one object may leave open.
+/// Columns of the CSV: all unknowns that a scene of one object may have.
 const char* const kUnknowns[] = {"x_m", "y_m", "z_m", "yaw_rad", "size"};
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
@@ -84,10 +84,10 @@ std::string position_text(const BootstrapInterval& i) {
   return formatted("%.3f (%.3f to %.3f)", i.value, i.low, i.high);
 }
 
-/// "x_m" as a heading: what is in it is the mean absolute error.
+/// "|x_m|": heading of a column with mean absolute errors.
 std::string heading(const std::string& unknown) { return "|" + reading_name(unknown) + "|"; }
 
-/// An interval of this unknown as it is shown.
+/// An interval of this unknown, in the unit that readers see.
 BootstrapInterval shown(const std::string& unknown, const BootstrapInterval& i) {
   const double unit = reading_unit(unknown);
   return {unit * i.value, unit * i.low, unit * i.high};
@@ -113,7 +113,8 @@ std::string cell(const std::optional<ClaimFigures>& claim) {
               formatted("%.2f", claim->interval.high));
 }
 
-/// Bold where the method is better than the solver by more than the captures leave open.
+/// The method's name, bold if the method is better than the solver: the interval of its difference
+/// in position or in yaw lies below 0.
 std::string method_cell(const MethodFigures& m) {
   const auto better = [](const std::optional<BootstrapInterval>& difference) {
     return difference && difference->high < 0;
@@ -224,7 +225,7 @@ std::string pictures_html(const std::vector<ComparisonPicture>& pictures) {
   return html + "</div>\n";
 }
 
-/// Scene by scene the method with the least median error under the first condition.
+/// For each scene, the method with the least median error under the first condition.
 std::string comparison_headline(const ComparisonReport& report) {
   std::string text;
   for (const SceneComparison& scene : report.scenes) {

@@ -12,7 +12,7 @@
 
 namespace blindcorner {
 
-/// Bird's-eye views of one scene's answers, a title each.
+/// A bird's-eye view of one scene's answers, and its title.
 struct ComparisonPicture {
   std::string title, svg;
 };
@@ -26,13 +26,14 @@ struct PublishedFigure {
 struct ComparisonReport {
   std::vector<SceneComparison> scenes;
   std::vector<std::vector<ComparisonPicture>> pictures;  ///< [scenes]
-  /// How captures were simulated; empty: they were measured, and learnt or evaluated by turns.
+  /// How the captures were simulated. Empty: they were measured, and methods learn some of them and
+  /// are evaluated on the others.
   std::optional<ComparisonOptions> simulated;
   std::uint64_t seed = 1;
   std::vector<PublishedFigure> published;
 };
 
-/// What all figures mean, a sentence each: which errors, whose convention.
+/// What all figures mean: which errors they are, and by which convention. A sentence each.
 std::vector<std::string> comparison_conventions(const ComparisonReport& report);
 
 /// A row for each condition and method of one scene.

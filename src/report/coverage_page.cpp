@@ -18,7 +18,7 @@
 namespace blindcorner {
 namespace {
 
-/// Samples that show a posterior.
+/// Number of samples that a chart shows of a posterior.
 constexpr int kShownSamples = 400;
 
 std::string light_of(const CoverageLevel& level) {
@@ -70,7 +70,7 @@ std::string level_text(const CoverageLevel& level) {
              level.mean_square_high, 100 * outside);
 }
 
-/// The modes' stated weights against the shares of right ones.
+/// The share of right modes against the weight that was stated for them.
 Chart weight_chart(const CoverageLevel& level) {
   Chart chart{"weights of modes", "stated", "right"};
   chart.width = 380;
@@ -89,7 +89,7 @@ Chart weight_chart(const CoverageLevel& level) {
   return chart;
 }
 
-/// Shares of truths in the regions of every level.
+/// Share of truths inside the regions, against the claimed level of the regions.
 Chart level_chart(const CoverageLevel& level) {
   Chart chart{"regions", "claimed", "share of truths inside"};
   chart.width = 380;
@@ -111,7 +111,7 @@ Chart level_chart(const CoverageLevel& level) {
   return chart;
 }
 
-/// Of the wrong assumptions that were not left out.
+/// A row for each wrong assumption that was not left out.
 std::vector<TableRow> wrong_rows(const Scene& scene, const CoverageLevel& level) {
   std::vector<TableRow> rows;
   for (const WrongFigures& w : level.wrong) {
@@ -145,7 +145,7 @@ std::vector<TableRow> wrong_rows(const Scene& scene, const CoverageLevel& level)
   return rows;
 }
 
-/// What was left out and why, a line each between the two texts.
+/// What was left out and why, a line each, with `before` and `after` around it.
 std::string left_out(const CoverageLevel& level, const char* before, const char* after) {
   std::string text;
   for (const WrongFigures& w : level.wrong) {
@@ -264,7 +264,7 @@ std::string unknowns_text(const Scene& scene) {
   return text;
 }
 
-/// Of each scene and level of light: what a reader of many scenes looks at first.
+/// A row for each scene and level of light: what a reader of many scenes looks at first.
 std::vector<TableRow> summary_rows(const Scene& scene, const CoverageLevel& level) {
   const bool holds = std::ranges::all_of(level.claims, &ClaimTest::holds);
   return {

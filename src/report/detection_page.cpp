@@ -42,7 +42,7 @@ Chart roc_chart(const DetectionLevel& level) {
   return chart;
 }
 
-/// Detections over the light at some shares of false alarms.
+/// Share of detections against the light, at some shares of false alarms.
 Chart light_chart(const DetectionScene& scene) {
   Chart chart{"detections by light", "log10 of the photons of the object",
               "share of captures with an object"};

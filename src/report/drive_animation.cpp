@@ -30,7 +30,7 @@ Part whole(const GridGeometry& map) {
   return {map.origin, map.origin + Vector2d(map.columns * map.cell_size, map.rows * map.cell_size)};
 }
 
-/// Draws a part of the world, so many pixels wide.
+/// Draws a part of the world into a picture of the given width in pixels.
 class Canvas {
  public:
   Canvas(const Part& part, double width) : part_(part), scale_(width / part.sizes().x()) {}
@@ -66,7 +66,7 @@ std::string known_world(const Drive& drive, const Canvas& canvas) {
   return roads + buildings;
 }
 
-/// Of hidden objects, one after the other, as on the page (drive_page.js): said, and true.
+/// Colours of the hidden objects in their order: of what is said of them, and of the truth.
 constexpr std::array kSaid{"#d55e00", "#7a5ccf", "#8f6b2e", "#3a8fd0"};
 constexpr std::array kTrue{"#009e73", "#0072b2", "#e69f00", "#1b1f24"};
 
@@ -103,7 +103,7 @@ std::string mode_picture(const Scene& scene, const PoseMode& mode, int object,
              -std::atan2(along.y(), along.x()) / kDegree, colour);
 }
 
-/// All modes as of the frame's time, moved on from the capture's.
+/// All modes, moved on from the time of the capture to that of the frame.
 std::string modes_picture(const Drive& drive, const DriveFrame& frame, const Canvas& canvas) {
   const std::optional<PoseMixture> now = known_later(drive, frame);
   if (!now) return {};
@@ -169,7 +169,8 @@ std::string goal_picture(const Drive& drive, const Canvas& canvas) {
       goal.x(), goal.y(), canvas.scale() * drive.goal_tolerance);
 }
 
-/// The frames of one drive, each visible in its time; the last one until all drives are over.
+/// The frames of one drive. Each is visible until the next one; the last one stays until all drives
+/// are over.
 std::string frames_picture(const Drive& drive, const DriveResult& result, double total,
                            const Canvas& canvas) {
   std::string text;
@@ -181,7 +182,7 @@ std::string frames_picture(const Drive& drive, const DriveResult& result, double
     text +=
         "<animate attributeName=\"visibility\" calcMode=\"discrete\" repeatCount=\"indefinite\" ";
     text += formatted("dur=\"%.2fs\" ", total);
-    // Values hold from their time on; the first one has to start at 0.
+    // A value holds from its key time on, and the first key time has to be 0.
     text +=
         i == 0 ? formatted("values=\"visible;hidden\" keyTimes=\"0;%.4f\"/>", to)
         : last ? formatted("values=\"hidden;visible\" keyTimes=\"0;%.4f\"/>", from)
@@ -193,14 +194,14 @@ std::string frames_picture(const Drive& drive, const DriveResult& result, double
 
 constexpr const char* kGround = "<rect width=\"100%\" height=\"100%\" fill=\"#eef0ee\"/>";
 
-/// All that one drive shows.
+/// The whole picture of one drive.
 std::string drive_picture(const Drive& drive, const DriveResult& result, double total,
                           const Canvas& canvas) {
   return kGround + known_world(drive, canvas) + goal_picture(drive, canvas) +
          frames_picture(drive, result, total, canvas);
 }
 
-/// Where vehicle and hidden objects come in any of the drives, with room around them.
+/// The part of the map that vehicle and hidden objects visit in any of the drives, with a margin.
 Part part_of(const Drive& drive, const std::vector<AnimatedDrive>& drives) {
   Part part;
   for (const AnimatedDrive& shown : drives) {
@@ -217,7 +218,7 @@ Part part_of(const Drive& drive, const std::vector<AnimatedDrive>& drives) {
   return {(part.min() - room).cwiseMax(map.min()), (part.max() + room).cwiseMin(map.max())};
 }
 
-/// The outcome, from the end of the drive on.
+/// The outcome as text, visible from the end of the drive on.
 std::string outcome_picture(const DriveResult& result, double total, double right) {
   const bool good = result.outcome == DriveOutcome::reached;
   return formatted(

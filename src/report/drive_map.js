@@ -8,7 +8,7 @@ var DriveMap = (function () {
   var SHARED = ["path", "vehicle", "field", "field-edge", "goal", "measured", "object", "found",
                 "rival", "truth", "occupied", "relay", "ink", "soft", "faint"];
 
-  // Colours by meaning, the same on all pages (theme.css); a canvas needs their values.
+  // Colours by meaning, the same on all pages (theme.css). A canvas needs their values.
   var COLOUR, dark = window.matchMedia("(prefers-color-scheme: dark)");
   function readColours() {
     var style = window.getComputedStyle(document.documentElement);
@@ -38,7 +38,7 @@ var DriveMap = (function () {
     return node;
   }
 
-  // One entry: the mark as it is drawn, and what it means.
+  // One entry of a legend: the mark as it is drawn, and what it means.
   function explain(legend, shape, colour, words) {
     var item = element(legend, "span");
     var svg = drawn(item, "svg", { width: 22, height: 12, "aria-hidden": true });
@@ -67,7 +67,7 @@ var DriveMap = (function () {
 
   // ---------------------------------------------------------------- one drive
 
-  // Draws one drive; data: `drive`, `world` and `pictures` of it.
+  // Draws one drive. `data` holds `drive`, `world` and `pictures`.
   function painter(data) {
     var drive = data.drive, world = data.world, frames = drive.frames, pictures = data.pictures;
     var trace = world.trace, step = world.trace_step_s, now = 0;
@@ -105,7 +105,7 @@ var DriveMap = (function () {
         return [at.x_m + c * p[0] - s * p[1], at.y_m + s * p[0] + c * p[1]];
       });
     }
-    // Variances of x, and of both, and of y.
+    // Variance of x, covariance of x and y, and variance of y.
     function covariance(mode, object) {
       var ix = -1, iy = -1;
       world.unknowns.forEach(function (u, i) {
@@ -116,8 +116,8 @@ var DriveMap = (function () {
       function c(a, b) { return a >= 0 && b >= 0 ? mode.covariance[a][b] || 0 : 0; }
       return [c(ix, ix), c(ix, iy), c(iy, iy)];
     }
-    // Of the heaviest mode as of the frame's time: distance from the truth, and two standard
-    // deviations of it; null: there is nothing to compare.
+    // Error of the heaviest mode at the frame's time: distance from the truth, and two standard
+    // deviations of it. Null: there is nothing to compare.
     function errorOf(i, object) {
       var truth = frames[i].truth, mode = pictures[i].now[0];
       if (!truth || !mode || !holds(mode, object)) return null;
@@ -133,7 +133,7 @@ var DriveMap = (function () {
 
     var HIDDEN = world.objects.length === 1 ? world.objects[0].name : "hidden objects";
 
-    // Where to look; `matters`: the one of them that explains the drive.
+    // Moments to look at. `matters` is the time that explains the drive.
     function moments() {
       var WORDS = { reached: "goal", stopped: "stands", timeout: "time over" };
       var sight = first(function (frame) { return frame.frame === "in_sight"; });
@@ -161,9 +161,9 @@ var DriveMap = (function () {
     }
 
     var g = world.map, ratio = window.devicePixelRatio || 1;
-    // What is drawn into at present, and how: pixels per metre, and where the origin is.
+    // The view that is drawn into: its canvas, pixels per metre, and the pixel of the origin.
     var view = { canvas: null, scale: 1, x: 0, y: 0 };
-    // A view of a part of the world, [x, y] corners, as large as the canvas allows.
+    // A view of a part of the world, given by its [x, y] corners, as large as the canvas allows.
     function viewOf(canvas, lower, upper) {
       ratio = window.devicePixelRatio || 1;
       var scale = Math.min(canvas.width / (upper[0] - lower[0]), canvas.height / (upper[1] - lower[1]));
@@ -175,7 +175,7 @@ var DriveMap = (function () {
       return viewOf(canvas, g.origin_m,
         [g.origin_m[0] + g.columns * g.cell_m, g.origin_m[1] + g.rows * g.cell_m]);
     }
-    // The vehicle, and the nearest hidden object where that is not far.
+    // A view of the vehicle, and of the nearest hidden object if that is not far.
     function closeUp(canvas, i) {
       var at = vehicleAt(now), length = world.vehicle.length_m;
       var far = 6 * length, middle = at, reach = 0;
@@ -223,7 +223,8 @@ var DriveMap = (function () {
     }
     var gridImage = document.createElement("canvas"), gridFrame = -1;
     gridImage.width = g.columns; gridImage.height = g.rows;
-    // Cells as runs of a letter and a count: "a" to "p" by probability, "-" for what is unknown.
+    // Draws the cells from runs of a letter and a count: "a" to "p" by probability, "-" for
+    // unknown.
     function prepareGrid(i) {
       if (i === gridFrame) return;
       gridFrame = i;
@@ -259,7 +260,7 @@ var DriveMap = (function () {
       ctx.setLineDash(dash.map(function (d) { return d * ratio; })); ctx.stroke();
       ctx.restore();
     }
-    // From where an object is to where it is half a second later, with the ellipse there.
+    // An arrow from where an object is to where it is half a second later, with the ellipse there.
     function drawMotion(ctx, mode, later, object) {
       var a = placed(mode.pose, object), b = placed(later.pose, object), head = 9 * ratio;
       var x = X(b.x_m), y = Y(b.y_m), dx = x - X(a.x_m), dy = y - Y(a.y_m);
@@ -275,7 +276,8 @@ var DriveMap = (function () {
       ctx.lineTo(x - dx + 0.5 * dy, y - dy - 0.5 * dx);
       ctx.closePath(); fill(ctx, ctx.strokeStyle, 1);
     }
-    // Moved on from the capture to the time of the frame; the heaviest lies on top.
+    // Draws the modes, moved on from the capture to the time of the frame. The heaviest lies on
+    // top.
     function drawModes(ctx, i) {
       var modes = pictures[i].now, later = pictures[i].later;
       for (var k = modes.length - 1; k >= 0; --k) {
@@ -315,12 +317,12 @@ var DriveMap = (function () {
       ctx.arcTo(x, y + h, x, y, r); ctx.arcTo(x, y, x + w, y, r);
       ctx.closePath();
     }
-    // Points in pixels.
+    // A path through points in pixels.
     function line(ctx, points) {
       ctx.beginPath();
       points.forEach(function (p) { ctx.lineTo(p[0], p[1]); });
     }
-    // Lengths along it are in its own, across it in its width.
+    // Lengths along the vehicle are in units of its length, those across it in units of its width.
     function drawVehicle(ctx, at, frame) {
       var l = world.vehicle.length_m * view.scale, w = world.vehicle.width_m * view.scale;
       var isCar = world.vehicle.kind === "car";
@@ -376,7 +378,7 @@ var DriveMap = (function () {
       ctx.fillStyle = COLOUR.ink; ctx.font = 12 * ratio + "px sans-serif"; ctx.textAlign = "center";
       ctx.fillText(length + " m", (x + end) / 2, y - tall);
     }
-    // The frame at a time, drawn into a view.
+    // Draws frame i at a time into a view.
     function drawMap(i, as, time) {
       view = as; now = time;
       var ctx = view.canvas.getContext("2d"), frame = frames[i];
@@ -402,8 +404,8 @@ var DriveMap = (function () {
              forgetGrid: function () { gridFrame = -1; } };
   }
 
-  // What plays, in a bar of the page: a button, the time as a slider with this label and in words,
-  // and how fast.
+  // Controls of a replay in a bar of the page: a button, the time as a slider (with this label) and
+  // in words, and the speed.
   function controls(bar, label) {
     var play = element(bar, "button", "play", "Play"), slider = element(bar, "input");
     play.type = "button";

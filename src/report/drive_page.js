@@ -62,10 +62,10 @@
 
   // ---------------------------------------------------------------- histograms
 
-  var DECADES = 3;  // of the object's light that are shown, below its largest counts
+  var DECADES = 3;  // of the object's light, that are shown below its largest counts
 
-  // Bins in which something happens in any frame, and the most light from the object; null: no
-  // frame has histograms.
+  // Range of bins in which something happens in any frame, and the most light from the object.
+  // Null: no frame has histograms.
   var bins = (function () {
     var from = Infinity, to = 0, object = 0, length = 0;
     function widen(histograms, floorOf) {
@@ -98,8 +98,8 @@
       : count >= 1e4 ? (count / 1e3).toFixed(0) + " thousand"
       : count >= 10 ? count.toFixed(0) : String(+count.toPrecision(2));
   }
-  // The frame whose histograms are shown at frame i: the last one before where none arrived; -1:
-  // they are not looked at.
+  // The frame whose histograms are shown at frame i: i or, if its histograms are missing or were
+  // skipped, the last frame before it that has some. -1: histograms are not looked at.
   function histogramFrame(i) {
     while (i > 0 && !pictures[i].measured.length && /missing|busy/.test(frames[i].frame)) --i;
     return pictures[i].measured.length ? i : -1;
@@ -149,7 +149,7 @@
       painter.stroke(ctx, COLOUR.measured, 1.1);
     });
   }
-  // Histograms, or what is near where direct sight says more than they do.
+  // Draws the histograms or, where direct sight says more than they do, a close-up.
   function drawPlots(i, again) {
     var from = histogramFrame(i);
     if (again) plotLegend.style.visibility = from < 0 ? "hidden" : "";
@@ -166,8 +166,8 @@
 
   // ---------------------------------------------------------------- timelines
 
-  // One strip each: what it is called, its unit, its lines as functions of a frame's number, and
-  // for the error what it should stay below.
+  // Each strip has a name, a unit, and lines as functions of a frame's number. That of the error
+  // has a band, which the error should stay below.
   var single = world.objects.length === 1;
   var STRIPS = [
     { name: "speed", unit: "m/s", colour: "vehicle", digits: 2,
@@ -400,8 +400,8 @@
   COLOUR = DriveMap.readColours();
   drawLegends();
   layout();
-  // It plays from the beginning. "#t=3.2" opens the page at that time; who wants nothing to move by
-  // itself sees the moment that explains the drive.
+  // The page plays from the beginning. "#t=3.2" opens it at that time. A reader who prefers reduced
+  // motion sees the moment that explains the drive.
   var wanted = /t=([0-9.]+)/.exec(window.location.hash);
   var still = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
   goTo(wanted ? +wanted[1] : still ? found.matters : 0);

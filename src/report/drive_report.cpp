@@ -21,9 +21,9 @@ namespace {
 
 using nlohmann::json;
 
-/// Zones whose histograms a page shows of each frame: those with most light from the object.
+/// A page shows the histograms of this many zones: those with most light from the object.
 constexpr std::size_t kShownZones = 9;
-/// How far ahead a page shows where objects with a known velocity may go, s.
+/// A page shows where objects with a known velocity may be this much later, s.
 constexpr double kAhead = 0.5;
 
 json modes_json(const PoseMixture& mixture, const std::vector<PoseVelocity>& velocities) {
@@ -40,12 +40,12 @@ json modes_json(const PoseMixture& mixture, const std::vector<PoseVelocity>& vel
   return modes;
 }
 
-/// Modes of the latest answer, as it was given.
+/// Modes of the latest answer, as they were given.
 json modes_json(const DriveFrame& frame) {
   return frame.mixture ? modes_json(*frame.mixture, frame.velocities) : json::array();
 }
 
-/// The same moved on by a time, s, as the map does with what is old.
+/// These modes `ahead` seconds after the frame, moved on as the map moves old answers.
 json modes_later(const Drive& drive, const DriveFrame& frame, double ahead) {
   const std::optional<PoseMixture> later = known_later(drive, frame, ahead);
   return later ? modes_json(*later, {}) : json::array();
@@ -91,7 +91,8 @@ json frame_json(const DriveFrame& frame) {
           {"time_ms", times_json(frame.time_ms)}};
 }
 
-/// Occupancy of one frame in 16 steps as text, runs as "letter count": a to p, "-" for unknown.
+/// Occupancy of one frame as text, in 16 steps "a" to "p", with "-" for unknown. A run of equal
+/// cells is its letter and their number.
 std::string grid_text(const std::vector<double>& occupancy) {
   std::string text;
   for (std::size_t i = 0; i < occupancy.size();) {
@@ -113,10 +114,10 @@ std::string vehicle_word(const Drive& drive) {
   return drive.vehicle.kind == VehicleKind::car ? "car" : "robot";
 }
 
-/// Decimals of a speed in m/s: a robot's is a fraction of one.
+/// Decimals of a speed in m/s. A robot's speed is a fraction of 1 m/s and needs two.
 int speed_digits(const Drive& drive) { return drive.vehicle.kind == VehicleKind::car ? 1 : 2; }
 
-/// What it last braked for, or what the planner said.
+/// Why the vehicle stands: what it last braked for, or that no plan led on.
 std::string standing_reason(const DriveResult& result) {
   const auto braked = std::find_if(result.frames.rbegin(), result.frames.rend(),
                                    [](const DriveFrame& f) { return !f.braking_for.empty(); });
@@ -171,13 +172,13 @@ json picture_json(const Drive& drive, const DriveFrame& frame, const std::vector
           {"object", object}};
 }
 
-/// Of the impact, in the words of who drives.
+/// The speed of the impact as text: km/h for a car, m/s for a robot.
 std::string at_speed(const Drive& drive, const DriveResult& result) {
   return drive.vehicle.kind == VehicleKind::car ? formatted(" at %.0f km/h", 3.6 * result.end_speed)
                                                 : formatted(" at %.2f m/s", result.end_speed);
 }
 
-/// How it ended, and what was in the way.
+/// How the drive ended, and what was in the way.
 std::string end_sentence(const Drive& drive, const DriveResult& result) {
   const std::string vehicle = vehicle_word(drive);
   const std::string driven = formatted(" after %.1f s and %.1f m", result.time, result.length);
@@ -198,7 +199,7 @@ std::string end_sentence(const Drive& drive, const DriveResult& result) {
   return "";
 }
 
-/// How it ended, as what the vehicle does.
+/// How the drive ended, as a verb with the vehicle as its subject: "reaches its goal".
 std::string ending_of(const Drive& drive, const DriveResult& result) {
   switch (result.outcome) {
     case DriveOutcome::reached:
@@ -217,7 +218,7 @@ std::string ending_of(const Drive& drive, const DriveResult& result) {
 struct Knowledge {
   std::optional<double> sight;  ///< s, of the first frame in direct sight
   std::optional<double> sure;   ///< s, of the first sure answer before that
-  bool granted = false;         ///< the first answer was sure: nothing was found out
+  bool granted = false;         ///< the first answer was sure already: nothing was found out
 };
 
 Knowledge knowledge_of(const DriveResult& result) {
@@ -235,7 +236,7 @@ Knowledge knowledge_of(const DriveResult& result) {
   return knowledge;
 }
 
-/// Since when it knew of what is hidden: of this most depends.
+/// Since when the vehicle knew of what is hidden. Most of a drive depends on this.
 std::string knowledge_sentence(const Drive& drive, const DriveResult& result) {
   const auto truth = std::ranges::find_if(
       result.frames, [](const DriveFrame& frame) { return frame.truth.has_value(); });
@@ -256,7 +257,7 @@ std::string knowledge_sentence(const Drive& drive, const DriveResult& result) {
                : since + " and never saw " + one + " directly.";
 }
 
-/// Numbers with so many significant digits all through a value.
+/// The value, with all its numbers rounded to this many significant digits.
 json shortened(json value, int digits) {
   if (value.is_number_float()) return with_digits(value.get<double>(), digits);
   if (value.is_structured()) {
@@ -265,7 +266,7 @@ json shortened(json value, int digits) {
   return value;
 }
 
-/// A plan in so many points at most.
+/// A plan with about kMost of its points, and its last one.
 json thinned(const std::vector<Eigen::Vector2d>& path) {
   constexpr std::size_t kMost = 40;
   std::vector<Eigen::Vector2d> points;
@@ -275,7 +276,7 @@ json thinned(const std::vector<Eigen::Vector2d>& path) {
   return points_json(points);
 }
 
-/// What a replay needs of a frame: no modes as they were given, no run times.
+/// What a replay needs of a frame. It does without the modes as they were given and the run times.
 json replayed_frame(const DriveFrame& frame) {
   json kept = frame_json(frame);
   for (const char* unused : {"modes", "modes_age_s", "flags", "error", "time_ms", "arrival_s"}) {
@@ -285,7 +286,7 @@ json replayed_frame(const DriveFrame& frame) {
   return kept;
 }
 
-/// Corners of where the vehicle and hidden objects come, on the map, with room around them, m.
+/// Corners of the part of the map that the vehicle and hidden objects visit, with a margin, m.
 json extent_json(const Drive& drive, const DriveResult& result) {
   Eigen::AlignedBox2d box;
   for (const Eigen::Vector3d& at : result.trace) box.extend(Eigen::Vector2d(at.head<2>()));

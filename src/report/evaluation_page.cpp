@@ -26,7 +26,8 @@ std::string short_name(const std::string& name) {
   return folder == std::string::npos ? name : name.substr(folder + 1);
 }
 
-/// One position says nothing about how much the figure varies.
+/// A figure and its interval. One position says nothing about how much the figure varies, so there
+/// the interval is left out.
 std::string figure_text(const Figure& figure, const Evaluation& evaluation) {
   const double unit = reading_unit(figure.name);
   const std::string value = formatted("%.3f", unit * figure.value);
@@ -45,8 +46,8 @@ std::string figure_note(const std::string& name) {
   return name == "normalised_error" ? "1 where claims are honest" : "";
 }
 
-/// Distances from the truth: of the heaviest modes where they are known, as the page of the fit has
-/// them.
+/// Distances from the truth. They are those of the heaviest modes where these are known, as on the
+/// page of the fit.
 std::vector<double> distances_of(const EvaluationRow& row, const std::vector<std::string>& names) {
   if (!row.mode_distances.empty()) return row.mode_distances;
   std::vector<double> distances;
@@ -61,11 +62,11 @@ std::string mode_distance_text(const EvaluationRow& row) {
                    quantile(row.mode_distances, 0.9));
 }
 
-/// Points that a curve is drawn with at most, and dots.
+/// About this many points of a curve, and dots of a chart, are drawn at most.
 constexpr std::size_t kMaxCurvePoints = 200;
 constexpr std::size_t kMaxDots = 1500;
 
-/// What an axis says behind the name.
+/// The unit that an axis states after the name.
 std::string unit_of(const std::string& unknown) {
   if (is_position(unknown)) return ", m";
   return unknown.ends_with("_rad") ? ", degrees" : "";
@@ -118,7 +119,7 @@ Chart coverage_chart(const std::vector<EvaluationRow>& rows) {
       return static_cast<double>(within) / static_cast<double>(units.size());
     }));
   }
-  // Last, so that a row has the same colour in both charts.
+  // This series comes last, so that a row has the same colour in both charts.
   ChartSeries honest =
       coverage_series("honest", [](double sigmas) { return std::erf(sigmas / std::sqrt(2.0)); });
   honest.colour = colour::kLine;
@@ -155,7 +156,7 @@ std::string evaluation_headline(const EvaluationRow& row, const std::vector<std:
     }
   }
   if (distances.empty() || std::ranges::none_of(names, is_position)) return {};
-  // Of fewer, neither shares nor the claimed errors can be judged.
+  // With fewer estimates, neither shares nor the claimed errors can be judged.
   constexpr std::size_t kFew = 10;
   if (distances.size() < kFew) {
     return (distances.size() == 1 ? "The position is "
@@ -163,7 +164,7 @@ std::string evaluation_headline(const EvaluationRow& row, const std::vector<std:
            "within " + said_length(std::ranges::max(distances)) +
            " of the truth; too few to judge the claimed errors.";
   }
-  // Larger and smaller by half than they should be.
+  // Errors this many times larger or smaller than claimed are called out.
   constexpr double kHalf = 1.5;
   const double ratio = std::sqrt(squares / count);
   const char* honest = ratio > kHalf       ? "the claimed errors are too small"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Figures of merit of many estimates, for the eye.
+/// Figures of merit of many estimates, as text, page and JSON.
 #pragma once
 
 #include <string>
@@ -13,14 +13,14 @@ namespace blindcorner {
 struct EvaluationRow {
   std::string name;
   std::vector<EstimateError> errors{};
-  /// Distances of the heaviest modes from the truth, m, the number that pages of fits state; empty:
-  /// not known.
+  /// Distances of the heaviest modes from the truth, m, which the pages of fits state. Empty: not
+  /// known.
   std::vector<double> mode_distances{};
   std::string estimator{};  ///< whose errors the figures are; empty: left unsaid
   Evaluation evaluation{};
 };
 
-/// Table for a terminal: a row each, figures with their intervals.
+/// Table for a terminal: a line for each row, with the figures and their intervals.
 std::string evaluation_text(const std::vector<EvaluationRow>& rows);
 
 /// Table with pictures: distribution of the errors, and claimed against actual errors.

@@ -6,7 +6,8 @@
 
 namespace blindcorner {
 
-/// As std::printf, of any length; the compiler checks the arguments against the pattern.
+/// Like std::printf, into a string of any length. The compiler checks the arguments against the
+/// pattern.
 [[gnu::format(printf, 1, 2)]] std::string formatted(const char* pattern, ...);
 
 }  // namespace blindcorner

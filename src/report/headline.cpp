@@ -11,9 +11,9 @@
 namespace blindcorner {
 namespace {
 
-/// Modes that a sentence names have this share of the posterior at least.
+/// A sentence names the modes with at least this share of the posterior.
 constexpr double kWorthNaming = 0.05;
-/// As for the flag `multimodal`: a mode of this weight stands for the answer.
+/// A mode of at least this weight stands for the answer, as for the flag `multimodal`.
 constexpr double kDecided = 0.9;
 /// Below this probability an object is "perhaps" there.
 constexpr double kSure = 0.95;
@@ -36,9 +36,9 @@ std::string coordinate_text(double value, double radius) {
 
 /// What the data say about one object in one mode.
 struct Place {
-  std::string at;    ///< "x 0.31 m, y -0.52 m"; empty: no coordinate is both unknown and known now
-  std::string open;  ///< "y": coordinates that the data left open
-  std::string turned;  ///< "turned to 20 degrees, give or take 5"; empty: not unknown, or open
+  std::string at;      ///< "x 0.31 m, y -0.52 m"; empty: the data determine no unknown coordinate
+  std::string open;    ///< "y": coordinates that the data left open
+  std::string turned;  ///< "turned to 20 degrees, give or take 5"; empty: yaw is known or left open
   double radius = 0;   ///< m
 };
 
@@ -85,7 +85,7 @@ std::string mode_text(const Scene& scene, const PoseMode& mode, bool with_yaw) {
   for (int object = 0; object < object_count(scene); ++object) {
     const auto belongs = [object](const Unknown& u) { return u.object == object; };
     if (std::ranges::none_of(scene.unknowns, belongs)) continue;
-    // A mode may do without an object of several.
+    // With several objects, a mode may leave one out.
     bool there = true;
     for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
       const double value = mode.pose[static_cast<Eigen::Index>(i)];
@@ -97,7 +97,7 @@ std::string mode_text(const Scene& scene, const PoseMode& mode, bool with_yaw) {
   return text;
 }
 
-/// Whether two modes put an object at places that their own errors tell apart.
+/// Whether two modes put an object at places that are further apart than the errors of both modes.
 bool apart(const Scene& scene, const PoseMode& a, const PoseMode& b) {
   for (int object = 0; object < object_count(scene); ++object) {
     double squares = 0;
@@ -155,8 +155,8 @@ double position_radius(const Scene& scene, const PoseMode& mode, int object) {
   const Eigen::MatrixXd covariance = mode.covariance(own, own);
   const double mean = covariance.trace();
   if (own.empty() || !(mean > 0)) return 0;
-  // Of the gamma law: degrees of freedom of the chi-square that it scales, 1 to 3 (Satterthwaite),
-  // and its quantile by Wilson and Hilferty.
+  // The gamma distribution is that of a scaled chi-square. Its degrees of freedom, 1 to 3, are by
+  // Satterthwaite, its quantile by Wilson and Hilferty.
   const double freedom = mean * mean / covariance.squaredNorm();
   const double part = 2 / (9 * freedom);
   const double quantile = freedom * std::pow(1 - part + kStandardNormal95 * std::sqrt(part), 3);

@@ -11,7 +11,7 @@ std::string_view report_asset(std::string_view name);
 
 namespace {
 
-/// What the latest heading before a place says, without the elements inside of it.
+/// The text of the last heading before a place, without the tags inside of it.
 std::string heading_before(const std::string& body, std::size_t place) {
   const std::size_t begin = body.rfind("<h2", place);
   if (begin == std::string::npos) return {};
@@ -25,7 +25,7 @@ std::string heading_before(const std::string& body, std::size_t place) {
   return text;
 }
 
-/// Tables scroll by themselves where the page is narrower than they are.
+/// Puts each table into a box that scrolls where the page is narrower than the table.
 std::string with_scrolling_tables(const std::string& body) {
   constexpr std::string_view kBegin = "<table", kEnd = "</table>";
   std::string wrapped;
@@ -46,7 +46,7 @@ std::string with_scrolling_tables(const std::string& body) {
   return wrapped.append(body, from);
 }
 
-/// Up to the page's own style: what a browser has to know, what a list of pages shows.
+/// The head up to the page's own style: what a browser has to know, and what a list of pages shows.
 std::string head_of(const std::string& title, const std::string& headline) {
   std::string head =
       "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
@@ -59,7 +59,8 @@ std::string head_of(const std::string& title, const std::string& headline) {
   return head.append(embedded::report_asset("theme.css"));
 }
 
-/// JSON that may stand inside a script element: no "<" can open or close anything.
+/// JSON that may stand inside a script element: without "<", nothing in it opens or closes an
+/// element.
 std::string script_safe(const std::string& text) {
   std::string safe;
   safe.reserve(text.size());
@@ -115,7 +116,8 @@ void add_styles(const PageAssets& assets, std::string& page) {
   for (const std::string_view style : assets.styles) page += embedded::report_asset(style);
 }
 
-/// Ends one script after another; the tag of the last stays open for what the data need.
+/// Adds one script element after another, beginning in an open <script tag. A last such tag stays
+/// open, for the attributes that the data need.
 void add_libraries(const PageAssets& assets, std::string& page) {
   for (const std::string_view library : assets.libraries) {
     page += ">\n";

@@ -8,7 +8,7 @@
 
 namespace blindcorner {
 
-/// Stands in the head of all pages and tells them from those of others.
+/// Stands in the head of every page and tells it from pages of other programs.
 inline constexpr std::string_view kGenerator = "<meta name=\"generator\" content=\"blindcorner\">";
 
 /// Text for HTML and SVG, in elements or in quoted attributes.
@@ -19,8 +19,8 @@ std::string html_safe(const std::string& text);
 std::string plain_page(const std::string& title, const std::string& headline,
                        const std::string& body);
 
-/// Opens an element that scrolls sideways where the page is narrower than what stands in it, also
-/// by keyboard; the label (HTML already) says what that is. The caller ends it with </div>.
+/// Opens an element that scrolls sideways, also by keyboard, where the page is narrower than its
+/// content. The label (HTML already) says what the content is. The caller ends it with </div>.
 std::string scroll_box(const std::string& label);
 
 /// Names of the files that are embedded into the program for a page.
@@ -30,12 +30,12 @@ struct PageAssets {
   std::string_view script;                  ///< draws the data into the element "page"
 };
 
-/// What stands for a part of a plain page that a script draws: its style, its data (JSON, in an
-/// element of this id), its scripts.
+/// A part of a plain page that a script draws: its style, its data (JSON, in an element with this
+/// id) and its scripts.
 std::string script_part(const std::string& id, const std::string& data, const PageAssets& assets);
 
-/// A self-contained page that a script draws; `data` is JSON. The headline is for those who list
-/// pages; the script draws it from the data.
+/// A self-contained page that a script draws; `data` is JSON. The headline goes into the head for
+/// lists of pages; the script draws the visible one from the data.
 std::string script_page(const std::string& title, const std::string& headline,
                         const std::string& data, const PageAssets& assets);
 

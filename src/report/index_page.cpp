@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kName = "index.html";
-/// A page's head, and the first fields of a JSON file, stand in so many bytes.
+/// Number of bytes at the beginning of a file that are read. They hold a page's head.
 constexpr std::size_t kLookedAt = 4096;
 
 struct Kind {
@@ -61,7 +61,7 @@ std::string beginning_of(const fs::path& path) {
   return text;
 }
 
-/// What stands between two words of a text; empty: one of them is missing.
+/// The text between two words. Empty: one of them is missing.
 std::string between(const std::string& text, const std::string& begin, const std::string& end) {
   const std::size_t at = text.find(begin);
   if (at == std::string::npos) return "";
@@ -90,7 +90,7 @@ std::string entry(const fs::path& path, const std::string& what) {
          what + "</p>\n";
 }
 
-/// Its title and headline, as they stand in its head.
+/// The line of a page: its title and headline, as they stand in its head.
 std::string page_entry(const fs::path& directory, const fs::path& page) {
   const std::string head = beginning_of(directory / page);
   const std::string headline = between(head, "<meta name=\"description\" content=\"", "\">");
@@ -102,7 +102,7 @@ struct Listing {
   std::vector<fs::path> pages, files, directories;
 };
 
-/// Names in order, without what is hidden; what cannot be read is left out.
+/// Names in order. Hidden entries, and those that cannot be read, are left out.
 Listing listing_of(const fs::path& directory) {
   Listing listing;
   std::error_code unreadable;

@@ -13,7 +13,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Seven digits: far below any standard error, and files that people can read.
+/// Seven digits: the rounding is far below any standard error, and people can read the files.
 Json number(double value) { return number_or_null(with_digits(value, 7)); }
 
 /// All numbers of a value with seven digits.
@@ -73,14 +73,15 @@ Json sensor_patch(const Scene& scene) {
     patch["valid_bins"].push_back({zone.first_valid_bin, sensor.valid_end(z) - 1});
     if (zone.dead) patch["dead_zones"].push_back(z);
   }
-  // Also where there is none: the scene may state one.
+  // Written even where there is no background, because the scene may state one.
   patch["background_counts"] = per_zone(scene, [](const Zone& z) {
     Json counts = Json::array();
     for (const double value : z.background) counts.push_back(number(value));
     return counts;
   });
   if (sensor.link) {
-    // What the link stood for, now that the gains are known: scenes have one or the other.
+    // A scene states either a link or gains with a radiant intensity. The patch states the gains,
+    // so it removes the link and adds the radiant intensity that the link gave.
     patch["link"] = nullptr;
     patch["illumination"]["radiant_intensity_w_per_sr"] = number(sensor.radiant_intensity);
   }

@@ -37,7 +37,7 @@ json outline_json(const Outline& outline) {
 json object_json(const Scene& scene, int index) {
   const HiddenObject& object = hidden_object(scene, index);
   const Placement& known = object.placement;
-  // As unknown_names(): with several objects, each unknown carries its object's name.
+  // As in unknown_names(): with several objects, the name of each unknown begins with its object's.
   const std::string prefix = object_count(scene) > 1 ? object.name + "." : "";
   return {{"name", object.name},
           {"prefix", prefix},
@@ -103,7 +103,7 @@ json view_json(const SensorOutlines& view) {
 
 CaptureConditions scene_conditions(const Scene& scene) { return conditions_of(scene, Capture{}); }
 
-/// Captures of one result, at least one so that its sensor is drawn.
+/// Number of captures of one result. It is at least 1, so that the result's sensor is drawn.
 std::size_t capture_count(const FitResult& result) {
   return std::max<std::size_t>({1, result.sources.size(), result.histograms.size()});
 }
@@ -228,8 +228,8 @@ const CaptureConditions& conditions_at(
 
 std::size_t divided_up(std::size_t a, std::size_t b) { return (a + b - 1) / b; }
 
-/// Sensor view of each capture of each result, and histograms of as many captures as fit, spread
-/// evenly; null for the others.
+/// Adds the sensor view of each capture of each result, and the histograms of as many captures as
+/// fit into the page, spread evenly. The other captures have null histograms.
 void add_captures(const Scene& scene, const std::vector<FitResult>& results,
                   const std::vector<std::vector<CaptureConditions>>& conditions,
                   const PageOptions& options, json& data) {

@@ -31,7 +31,7 @@
   // ---------------------------------------------------------------- numbers and words
 
   function unit(name) { return /_m$/.test(name) ? "m" : /_rad$/.test(name) ? "rad" : ""; }
-  // Readers get degrees.
+  // Readers see degrees.
   function shownUnit(name) { return unit(name) === "rad" ? "°" : unit(name); }
   function shown(name, value) { return unit(name) === "rad" && finite(value) ? value * 180 / Math.PI : value; }
   function titleOf(name) { return bare(name) + (unit(name) ? " (" + shownUnit(name) + ")" : ""); }
@@ -101,7 +101,8 @@
     return any ? Math.sqrt(sum) : NaN;
   }
   function heaviest(capture) { return capture.modes.length ? capture.modes[0] : null; }
-  // Whether the fit found something; else its modes are where nothing can be excluded.
+  // Whether the fit found something. If not, its modes are places where an object cannot be
+  // excluded.
   function found(capture) {
     return capture.modes.length > 0 && capture.flags.indexOf("nothing_detected") < 0 &&
       capture.flags.indexOf("no_photons") < 0;
@@ -138,8 +139,8 @@
     eachObject(function (o) { if (holds(vector, o)) list.push(point(vector, o)); });
     return list;
   }
-  // What the picture is about: sensors, what they see, the search region, modes and truths; with
-  // `surfaces` all of the known surfaces too, which may be much larger.
+  // Extent of what the picture is about: sensors, what they see, the search region, modes and
+  // truths. With `surfaces` it also holds all known surfaces, which may be much larger.
   function sceneExtent(viewNumbers, surfaces) {
     var points = [];
     eachObject(function (o) { points = points.concat(searchRegion(o)); });
@@ -154,7 +155,7 @@
     });
     return extentOf(points, surfaces ? 0.05 : 0.1, 0.05);
   }
-  // Surroundings of an object of a mode: its ellipse three times over, and the truth if that is near.
+  // Surroundings of an object of a mode: 1.7 times its ellipse, and the truth if that is near.
   function around(mode, truth, o) {
     var e = ellipse(mode, o), p = point(mode.pose, o), r = Math.max(1.7 * e.long, 1e-4);
     var points = [[p[0] - r, p[1] - r], [p[0] + r, p[1] + r]];
@@ -177,7 +178,7 @@
       });
     });
   }
-  // Where nothing was found there is nothing to be drawn as if it were known.
+  // Where nothing was found, no mode is drawn as if it were known.
   function drawModes(group, x, y, perMetre, capture) {
     if (!found(capture)) {
       var middle = searchRegion(0);
@@ -226,7 +227,8 @@
     });
     return boxes;
   }
-  // Beside what is labelled: the place in the picture that covers least of all that is drawn.
+  // Place of a label beside its mode's box `own`: the one in the picture that covers least of what
+  // is drawn.
   function labelPlace(own, size, taken, x, y) {
     var w = size[0], h = size[1], gap = 4, cx = (own[0] + own[2]) / 2, cy = (own[1] + own[3]) / 2;
     var corners = [[cx - w / 2, own[1] - gap - h], [own[0] - gap - w, cy - h / 2], [own[2] + gap, cy - h / 2],
@@ -234,7 +236,7 @@
     var boxes = corners.map(function (at) { return [at[0], at[1], at[0] + w, at[1] + h]; }).filter(function (box) {
       return box[0] >= 0 && box[1] >= 0 && box[2] <= x.range()[1] && box[3] <= y.range()[0];
     });
-    // Enlarged beyond the picture, the mode has its label at its centre.
+    // A mode that is enlarged beyond the picture has its label at its centre.
     if (!boxes.length) return [cx - w / 2, cy - h / 2, cx + w / 2, cy + h / 2];
     function covered(box) { return d3.sum(taken, function (other) { return overlap(box, other); }); }
     return boxes.reduce(function (best, box) { return covered(box) < covered(best) ? box : best; });
@@ -370,7 +372,7 @@
       row.append("td");
       eachObject(function () { row.append("td"); });
     }
-    // A narrow screen has the rows below each other, each value beside its title (page.css).
+    // On a narrow screen a row becomes a list, with each value beside its title (page.css).
     body.selectAll("tr").each(function () {
       d3.select(this).selectAll("td").attr("data-title", function (unused, k) { return titles[k]; });
     });
@@ -392,7 +394,7 @@
     if (!look.window || !(h.end_bin > h.first_bin)) return [0, bins];
     return [Math.max(0, h.first_bin - 1), Math.min(bins, h.end_bin + 1)];
   }
-  // Counts as they are, or less everything but the object's light (direct return and ambient).
+  // Counts as they are, or less the light that is not the object's (direct return and ambient).
   function shownValues(zone, key, k) {
     var other = look.background ? zone.model[k] - zone.object[k] : 0;
     return zone[key][k] - other;
@@ -405,14 +407,15 @@
     }
     return zone.usual_noise;
   }
-  // Whether it is large against an axis, and against that of most bins: an empty zone is noise all over.
+  // Whether the noise of the subtracted light is large against an axis, and against that of most
+  // bins. The latter is asked because an empty zone has noise in all bins.
   function drowned(zone, k, height) {
     if (!look.background || !zone.used) return false;
     return otherNoise(zone, k) > Math.max(height / 8, 3 * usualNoise(zone));
   }
   function yRange(h, zones, range) {
     var low = Infinity, high = -Infinity, positive = Infinity;
-    // The scale is that of the bins that entered the fit: others may hold the direct return's peak.
+    // The scale suits the bins that entered the fit. Others may hold the direct return's peak.
     function bins(zone) {
       var first = Math.max(range[0], zone.first_bin), end = Math.min(range[1], zone.end_bin);
       return zone.used && end > first ? [first, end] : range;
@@ -431,8 +434,8 @@
     if (!(high > low)) { high = (finite(high) ? high : 0) + 1; low = Math.min(low, 0); }
     if (look.log) return [Math.max(positive === Infinity ? 0.1 : positive * 0.8, high * 1e-6), high * 1.3];
     if (look.background) {
-      // Where the subtracted light was strong its noise would dwarf the signal: the scale is that of
-      // the object's light and of the bins that are quiet against it.
+      // Where the subtracted light was strong, its noise would dwarf the signal. The scale
+      // therefore suits the object's light and the bins that are quiet against it.
       var values = [], quiet = [], top = 0, noise = 4 * d3.max(zones, usualNoise);
       zones.forEach(function (zone) {
         for (var k = bins(zone)[0]; k < bins(zone)[1]; ++k) {
@@ -454,7 +457,8 @@
     }
     return [Math.min(0, low), high * 1.06];
   }
-  // A stepped line through the bins that are `wanted`, all without it; one line a run of bins.
+  // A stepped line through the bins that are `wanted` (without it, all), one line for each run of
+  // bins.
   function steps(values, range, x, y, wanted) {
     var path = "", going = false;
     for (var k = range[0]; k < range[1]; ++k) {
@@ -498,7 +502,7 @@
     });
     g.append("path").attr({ d: band(function (k) { return shownValues(zone, "model", k) - zone.object[k]; },
       at("model"), range, x, value), fill: COLOUR.object, "fill-opacity": 0.55 });
-    // What is beyond the box is cut off there, not drawn along its edge.
+    // Curves are cut off at the edge of the box, not drawn along it.
     var clipId = "bins" + drawZone.count++;
     g.append("clipPath").attr("id", clipId).append("rect").attr({ width: w, height: top });
     var clipped = g.append("g").attr("clip-path", "url(#" + clipId + ")");
@@ -547,7 +551,7 @@
     return axis === "ns" ? ns : axis === "m" ? (ns - scene.sensor.time_zero_ps[zone] / 1000) * LIGHT_M_PER_NS
       : bins - 0.5;
   }
-  // [place in bins, text] of round numbers on the axis.
+  // Ticks at round numbers of the axis, as [place in bins, text].
   function timeTicks(zone, range, count) {
     var from = axisValue(zone, range[0], look.axis), to = axisValue(zone, range[1], look.axis);
     var scale = d3.scale.linear().domain([from, to]), format = scale.tickFormat(count);
@@ -644,7 +648,7 @@
     var regular = h.zones.length === h.rows * h.columns && h.columns <= 8 && h.columns > 1;
     var across = regular ? h.columns : Math.min(h.zones.length, 4);
     if (!regular && h.zones.length > 16) across = 8;
-    // A narrow screen shows fewer zones beside each other, in reading order.
+    // A narrow screen shows fewer zones side by side, in reading order.
     across = Math.max(1, Math.min(across, Math.floor((total + gap) / (narrowest + gap))));
     var width = Math.min(660, Math.floor((total - gap * (across - 1)) / across));
     var height = across > 4 ? 150 : across > 2 ? (printing ? 160 : 190) : 230;
@@ -917,7 +921,7 @@
 
   // ---------------------------------------------------------------- a scene by itself
 
-  // The object where the scene file puts it: what is unknown stands in the middle of its range.
+  // Draws the objects where the scene file puts them. An unknown is in the middle of its range.
   function drawStated(group, x, y) {
     eachObject(function (o) {
       group.append("path").attr({ d: polygon(placedObject(null, o), x, y), fill: COLOUR.object, "fill-opacity": 0.3,
@@ -1072,7 +1076,7 @@
     [overview, controls, detail, histograms].forEach(function (part) { part.style("min-height", null); });
     window.scrollTo(window.pageXOffset, top);
   }
-  // A sheet of paper is narrower than most windows, so that it has pictures of its own.
+  // A sheet of paper is narrower than most windows, so the pictures are drawn anew for it.
   d3.select(window).on("beforeprint", function () { printing = true; redrawForPaper(); });
   d3.select(window).on("afterprint", function () { printing = false; redrawForPaper(); });
   function redrawForPaper() {

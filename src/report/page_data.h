@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What pages that draw a scene embed of it, as JSON for their scripts.
+/// Parts of a scene that pages embed in order to draw them, as JSON for their scripts.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -11,7 +11,7 @@ namespace blindcorner {
 
 /// Surfaces, search region, objects and sensor of a scene.
 nlohmann::json page_scene(const Scene& scene);
-/// What its sensor sees from where the scene puts it.
+/// What the scene's sensor sees from where the scene puts it.
 nlohmann::json page_view(const Scene& scene);
 /// Measured and fitted histograms of at most `max_zones` zones: those with most light from the
 /// object.

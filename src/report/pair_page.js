@@ -20,7 +20,7 @@
     element(chooser, "option", "", pair.seed + ": " + pair.why).value = k;
   });
   chooserLine.hidden = pairs.length < 2;
-  // A page of its own has its headline above already.
+  // On a page of its own, the headline stands above already.
   var headline = data.plays && document.querySelector("p.headline") ||
     element(root, "p", "headline");
   var panels = element(root, "div", "panels");
@@ -71,7 +71,7 @@
     listMoments();
     layout();
   }
-  // The end that tells the two drives apart: the first that is not at the goal.
+  // The moment that tells the two drives apart: the first end that is not at the goal.
   function matters() {
     var ends = sides.filter(function (side) { return side.replay.drive.outcome !== "reached"; })
       .map(function (side) { return side.painter.duration; });
@@ -213,7 +213,7 @@
     draw();
   }
 
-  // Its steps may leave a rest before the end.
+  // The slider's steps may not reach the end, so its last step stands for the end.
   slider.oninput = function () {
     jump(+slider.value > duration - slider.step ? duration : +slider.value);
   };
@@ -229,7 +229,7 @@
 
   DriveMap.readColours();
   choose(0);
-  // Where both are part of another page, it shows the moment that matters and waits.
+  // If the two drives are part of another page, they show the moment that matters and wait.
   var wanted = /t=([0-9.]+)/.exec(window.location.hash);
   var still = !data.plays || window.matchMedia("(prefers-reduced-motion: reduce)").matches;
   jump(wanted ? +wanted[1] : still ? matters() : 0);

@@ -37,8 +37,8 @@ Ground ground_of(const PlanningGrid& grid, std::span<const double> occupancy, st
   return std::isnan(occupancy[index]) ? Ground::unknown : Ground::free;
 }
 
-/// Rectangles of the cells of one kind: runs along rows, joined with equal ones of the rows above.
-/// In cells, as the data of an SVG path.
+/// The cells of one kind as rectangles, in units of cells, as the data of an SVG path. A rectangle
+/// is a run along a row, joined with equal runs of the rows that follow.
 std::string rectangles(const GridGeometry& geometry,
                        const std::function<bool(std::size_t)>& wanted) {
   struct Run {
@@ -89,7 +89,7 @@ std::string marker(const Eigen::Vector2d& point, double radius, const char* colo
       point.x(), point.y(), radius, colour, name);
 }
 
-/// The map in its own metres, y up, with the path.
+/// The map with the path, in the map's own metres, y up.
 std::string picture(const PlannedPath& planned, std::span<const double> occupancy) {
   const GridGeometry& geometry = planned.grid.geometry();
   const double width = geometry.columns * geometry.cell_size;

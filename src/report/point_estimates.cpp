@@ -31,7 +31,7 @@ ErrorFigures figures_of(const std::string& name, const std::vector<double>& leng
   return figures;
 }
 
-/// Places of the first object's x and y among the unknowns; empty where one is known.
+/// Indices of the first object's x and y among the unknowns. Empty if either is known.
 std::optional<std::pair<Eigen::Index, Eigen::Index>> plane_of(const Scene& scene) {
   Eigen::Index x = -1, y = -1;
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {

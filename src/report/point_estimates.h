@@ -15,11 +15,12 @@ struct PointEstimate {
   int index = 0;       ///< its place there
   PoseVector truth;
   PoseVector estimate;
-  PoseVector sigma{};  ///< standard deviations that are stated of it; empty: none are
+  PoseVector sigma{};  ///< its stated standard deviations; empty: none are stated
   Transform T_world_sensor = Transform::Identity();
 };
 
-/// Of the absolute errors of one unknown, or of the lengths of errors of position; m, rad or 1.
+/// Figures of the absolute errors of one unknown, or of the lengths of errors of position; m, rad
+/// or 1.
 struct ErrorFigures {
   std::string name;  ///< of the unknown, or "position_m"
   double mean = 0, rmse = 0, median = 0, p90 = 0;
@@ -44,8 +45,8 @@ std::string point_errors_html(const std::vector<ErrorFigures>& figures);
 /// How far off the estimates are, in a sentence; empty without positions.
 std::string point_errors_headline(const Scene& scene, const std::vector<PointEstimate>& estimates);
 
-/// A row an estimate: source, index, then of each unknown the truth, the estimate and the error,
-/// and where deviations are stated, the deviation.
+/// A row for each estimate: source, index, then for each unknown the truth, the estimate, the error
+/// and, where it is stated, the standard deviation.
 std::string point_estimates_csv(const Scene& scene, const std::vector<PointEstimate>& estimates);
 
 /// Bird's-eye view: known surfaces, sensors, a line from each true place to the estimate. Empty for

@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Poses of hidden objects as a page draws them. `objects`: prefix, known components and outline of
-// each; `unknowns`: names of a pose's components in order. Lengths are metres, angles radians.
+// Poses of hidden objects as a page draws them. `objects` holds the prefix, the known components
+// and the outline of each object, `unknowns` the names of a pose's components in order. Lengths are
+// metres, angles radians.
 function Poses(objects, unknowns) {
   "use strict";
   var CHI2_95 = [0, 3.841, 5.991];  // 95 % quantiles of chi-square, by degrees of freedom
 
   function finite(value) { return typeof value === "number" && isFinite(value); }
-  // Place of an object's component among the unknowns; -1: it is known.
+  // Index of an object's component among the unknowns. -1: the component is known.
   function place(name, o) { return unknowns.indexOf(objects[o].prefix + name); }
-  // Value and variance of a component in x, y, ...: of the unknown, or the known placement.
+  // Value of an object's component: from the pose where it is unknown, else from the known
+  // placement.
   function component(vector, name, o) {
     var i = place(name, o);
     return i >= 0 && vector && finite(vector[i]) ? vector[i] : objects[o].known[name];

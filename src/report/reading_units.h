@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Angles for readers: files hold radians, whoever reads wants degrees.
+/// Angles for readers: files hold radians, readers want degrees.
 #pragma once
 
 #include <string>
@@ -8,7 +8,7 @@
 
 namespace blindcorner {
 
-/// What a value of this name is multiplied by: "yaw_rad" comes in degrees.
+/// Factor from a value of this name to what readers see: "yaw_rad" becomes degrees.
 inline double reading_unit(const std::string& name) {
   return name.ends_with("_rad") ? 1 / kDegree : 1.0;
 }

@@ -8,7 +8,7 @@ function SceneParts(scene, unknowns) {
   var point = poses.point, eachObject = poses.eachObject, ellipse = poses.ellipse;
   var placedObject = poses.placedObject;
 
-  // By meaning, the same on all pages and in the dark (theme.css).
+  // Colours by meaning, the same on all pages (theme.css, which also has their dark values).
   var COLOUR = {
     heaviest: "var(--found)", rival: "var(--rival)", truth: "var(--truth)", relay: "var(--relay)",
     occluder: "var(--relay)", body: "var(--occluder)", sensor: "var(--sensor)", field: "var(--field)",
@@ -35,7 +35,7 @@ function SceneParts(scene, unknowns) {
     if (text !== undefined) node.text(text);
     return node;
   }
-  // The keys of both; `b` has the last word.
+  // An object with the keys of both. Values of `b` replace those of `a`.
   function merged(a, b) {
     var all = {};
     [a, b].forEach(function (part) { Object.keys(part).forEach(function (key) { all[key] = part[key]; }); });
@@ -46,7 +46,7 @@ function SceneParts(scene, unknowns) {
     if (typeof on === "boolean") made.attr("aria-pressed", on);
     return made;
   }
-  // What scrolls by itself is reached by keyboard.
+  // Lets a box that scrolls by itself be reached by keyboard.
   function scrolling(box, label) { return box.attr({ tabindex: 0, role: "group", "aria-label": label }); }
   // Pixels that a picture in `parent` may be wide, at most `most`.
   function widthIn(parent, most) {
@@ -65,13 +65,15 @@ function SceneParts(scene, unknowns) {
       span.append("span").text(entry[2]);
     });
   }
-  // A mode may do without an object of several: its values are null.
+  // Whether a pose has object `o`. With several objects, a mode may leave one out: its values are
+  // null.
   function holds(vector, o) {
     return unknowns.every(function (name, i) {
       return name.indexOf(objects[o].prefix) !== 0 || objects.length === 1 || finite(vector[i]);
     });
   }
-  // Extent [[x0, y0], [x1, y1]] of points, with a margin (share of the larger side, at least in m).
+  // Extent [[x0, y0], [x1, y1]] of points, with a margin: a share of the larger side, but at least
+  // `least` m.
   function extentOf(points, margin, least) {
     var x = d3.extent(points, function (p) { return p[0]; });
     var y = d3.extent(points, function (p) { return p[1]; });
@@ -152,7 +154,8 @@ function SceneParts(scene, unknowns) {
                                   "stroke-width": 1.6, fill: "none" });
       group.append("text").attr({ x: w / 2, y: -7, "text-anchor": "middle" }).text(text);
     }
-    // Arrows move by a tenth of the picture, plus and minus change the scale by a quarter.
+    // Arrow keys move the map by a tenth of the picture. Plus and minus change the scale by a
+    // quarter.
     var KEYS = { 37: [-1, 0], 38: [0, 1], 39: [1, 0], 40: [0, -1] };
     svg.on("keydown", function () {
       var key = d3.event.key, move = KEYS[d3.event.keyCode];
@@ -214,7 +217,7 @@ function SceneParts(scene, unknowns) {
           "which way it faces; fan: 95 %"],
     truth: ["path", { d: "M5,7H21M13,0V14", stroke: COLOUR.truth, "stroke-width": 2.4 }, "truth"]
   };
-  // Known surfaces of each kind, with the symbol that the picture has for it.
+  // Legend entries for each kind of known surfaces, with the symbol that the picture has for it.
   function surfaceEntries() {
     var seen = {}, entries = [];
     scene.surfaces.forEach(function (surface) {
@@ -273,7 +276,8 @@ function SceneParts(scene, unknowns) {
     var i = place("yaw_rad", o);
     return i >= 0 && mode.undetermined.indexOf(unknowns[i]) < 0 && objects[o].yaw_period > 0;
   }
-  // Where the object faces: an arrow, with a fan of 95 % where yaw is an unknown.
+  // Draws which way the object faces, if the data determine an unknown yaw: an arrow, with a fan of
+  // 95 % if that is less than half a turn.
   function drawYaw(group, x, y, perMetre, mode, colour, opacity, o) {
     if (!facing(mode, o)) return;
     var i = place("yaw_rad", o);

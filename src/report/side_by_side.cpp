@@ -16,7 +16,7 @@ namespace {
 
 using nlohmann::json;
 
-/// Begins with a capital letter.
+/// The text with a capital first letter.
 std::string capital(std::string text) {
   if (!text.empty() && text[0] >= 'a' && text[0] <= 'z') text[0] = static_cast<char>(text[0] - 32);
   return text;
@@ -38,7 +38,7 @@ std::string outcomes_of(const json& replay) {
          replay.at("drive").at("outcome").get<std::string>();
 }
 
-/// A corner of the smallest rectangle that holds two.
+/// A corner (0: lower, 1: upper) of the smallest rectangle that holds two rectangles.
 json corner(const json& a, const json& b, std::size_t which) {
   json both = json::array();
   for (std::size_t axis = 0; axis < 2; ++axis) {
@@ -48,7 +48,7 @@ json corner(const json& a, const json& b, std::size_t which) {
   return both;
 }
 
-/// What two drives of one world tell, the most telling first.
+/// What two drives through the same world show, the most telling first.
 enum class Story { wins, saves, loses, both_collide, both_arrive, other };
 
 Story story_of(const TrialResult& first, const TrialResult& second) {
@@ -126,7 +126,8 @@ std::vector<std::uint64_t> telling_seeds(const std::vector<TrialResult>& results
   for (const auto& [seed, both] : worlds) {
     if (both.first == nullptr || both.second == nullptr) continue;
     const Story story = story_of(*both.first, *both.second);
-    // Where both arrive, the greatest difference in time tells most; else the first seed does.
+    // Where both arrive, the pair with the greatest difference in time comes first; else the pair
+    // with the lowest seed.
     const double gap = story == Story::both_arrive ? both.second->time - both.first->time : 0.0;
     stories[story].emplace_back(-std::abs(gap), seed);
   }

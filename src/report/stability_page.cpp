@@ -31,7 +31,7 @@ const char* const kStyle =
     ".fails{background:var(--alarm);font-weight:600}.why{color:var(--soft);font-size:13px}</"
     "style>\n";
 
-/// Without the sign of a negative zero.
+/// Three digits. Adding 0.0 removes the sign of a negative zero.
 std::string number(double value) { return formatted("%.3g", value + 0.0); }
 
 std::string with_unit(double value, const std::string& unit) {
@@ -41,8 +41,8 @@ std::string with_unit(double value, const std::string& unit) {
 /// The scale of the picture in shares of the limit: logarithmic, the limit at four fifths.
 constexpr double kLeast = 1e-4, kMost = 10, kLimitAt = 80;  // the last in per cent of the width
 
-/// Per cent of the width; what is 0 or less stands at the left end, what is not finite at the
-/// right.
+/// Place of a share in per cent of the width. A share of 0 or less stands at the left end, one that
+/// is not finite at the right.
 double place_of(double share) {
   if (!std::isfinite(share) || share >= kMost) return 99;
   if (share <= kLeast) return 1;
@@ -50,7 +50,8 @@ double place_of(double share) {
                    : 1 + (kLimitAt - 1) * std::log(share / kLeast) / std::log(1 / kLeast);
 }
 
-/// What was measured as a share of its limit; a limit of 0 has no shares.
+/// What was measured, as a share of its limit. A limit of 0 has no shares: 0 if it holds, else
+/// infinity.
 double share_of(const StabilityResult& result) {
   const double measured = result.measured.value, limit = result.row->limit;
   if (limit > 0) return measured / limit;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The table of stiff and extreme cases, for the eye and for programs.
+/// The table of stiff and extreme cases, as a page and as JSON.
 #pragma once
 
 #include <string>

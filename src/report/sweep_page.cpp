@@ -23,7 +23,8 @@ const char* const kOtherColour = "var(--object,#e69f00)";
 const char* const kDefaultColour = colour::kFound;
 const char* const kFrontColour = colour::kTruth;
 
-/// Methods that take a smaller share of the default's time than this do not look at the capture.
+/// Methods that take a smaller share of the default's time than this are not drawn: they do not
+/// look at the capture.
 constexpr double kMinShownTime = 1e-2;
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
@@ -33,7 +34,7 @@ double share_of(int part, int whole) {
 
 ShareInterval held_interval(const SweepFigures& f) { return wilson_interval(f.held, f.claims); }
 
-/// Of each method at each level of light.
+/// A row for each method at each level of light.
 std::vector<TableRow> figure_rows(const SweepScene& scene, const std::string& wrong) {
   std::vector<TableRow> rows;
   for (const SweepLevel& level : scene.levels) {
@@ -72,7 +73,7 @@ std::vector<TableRow> figure_rows(const SweepScene& scene, const std::string& wr
   return rows;
 }
 
-/// Time (ms) and error (m) of a method in one picture.
+/// The time (ms) and the error (m) of a method that a picture shows.
 using TimeOf = double (*)(const SweepCell&, const SweepFigures&);
 using ErrorOf = double (*)(const SweepFigures&);
 
@@ -82,7 +83,8 @@ double median_of(const SweepFigures& f) { return f.median; }
 double p90_of(const SweepFigures& f) { return f.p90; }
 double rms_of_right(const SweepFigures& f) { return f.right_rms; }
 
-/// Settings, other methods, the default and the front, as series of a chart.
+/// Adds the front, the settings, the other methods and the default to a chart, a series each. The
+/// first point is that of the default.
 void add_front(const std::vector<ChartPoint>& points, const std::vector<bool>& solver,
                bool label_front, Chart& chart) {
   ChartSeries settings{"settings of the solver", {}, SeriesStyle::marks, kSettingColour};
@@ -179,7 +181,7 @@ Chart ratio_chart(const SweepVerdict& verdict) {
   return chart;
 }
 
-/// What the intervals say of a method beside the default.
+/// What the intervals say of a method compared with the default.
 std::string beside_default(const SweepRatio& r) {
   const std::string time = r.cheaper() ? "cheaper" : r.time_low > 1 ? "dearer" : "as dear";
   const std::string error = r.better()  ? "smaller error"
@@ -188,7 +190,7 @@ std::string beside_default(const SweepRatio& r) {
   return time + ", " + error + (r.holds_less() ? ", holds the truth less often" : "");
 }
 
-/// Ends of intervals may be so large that only their order counts.
+/// The ends of an interval may be so large that only their order of magnitude counts.
 std::string ratio_text(double value) {
   constexpr double kLarge = 1000;
   if (!std::isfinite(value)) return "-";
@@ -199,7 +201,8 @@ std::string with_interval(double value, double low, double high) {
   return ratio_text(value) + " (" + ratio_text(low) + " to " + ratio_text(high) + ")";
 }
 
-/// Of each method beside the default, which is the first. Intervals are 95 % of all rows together.
+/// A row for each method compared with the default, which is the first. Each 95 % holds for the
+/// intervals of all rows together.
 std::vector<TableRow> ratio_rows(const SweepVerdict& verdict) {
   std::vector<TableRow> rows;
   for (const SweepRatio& r : verdict.ratios) {

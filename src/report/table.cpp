@@ -27,7 +27,8 @@ std::string shown(const TableField& field) {
   return text.substr(text.find_first_not_of(' '));
 }
 
-/// In a column as wide as its pattern says, and as its heading is.
+/// The text padded to the width of its column: that of the pattern or of the heading, whichever is
+/// larger.
 std::string padded(const TableField& field, const std::string& text) {
   const bool left = field.pattern[1] == '-';
   const int width = std::max(std::atoi(field.pattern + (left ? 2 : 1)),

@@ -15,10 +15,10 @@ using TableCell = nlohmann::ordered_json;
 struct TableField {
   const char* key;      ///< in CSV and JSON; empty: for readers alone
   const char* heading;  ///< on the terminal and on pages; empty: for programs alone
-  /// As of std::printf, with a width: "%9.3f" or "%5d" for numbers, "%-12s" for texts.
+  /// A std::printf pattern with a width: "%9.3f" or "%5d" for numbers, "%-12s" for texts.
   const char* pattern;
   TableCell value;
-  double unit = 1;  ///< what readers see is so many times the value
+  double unit = 1;  ///< factor from the value to what readers see
 };
 
 struct TableRow {
@@ -29,12 +29,12 @@ struct TableRow {
 /// The headings of a row's columns, and its values; readers see "-" where nothing is told.
 std::string table_head(const TableRow& row);
 std::string table_line(const TableRow& row);
-/// Head and lines. Without rows there is nothing, here and below.
+/// Head and lines. Without rows this text, the HTML and the CSV are empty.
 std::string table_text(const std::vector<TableRow>& rows);
 std::string table_html(const std::vector<TableRow>& rows);
 /// Numbers with six digits, truth values as 1 and 0, an empty cell where nothing is told.
 std::string table_csv(const std::vector<TableRow>& rows);
-/// An object by the keys, and a list of them.
+/// A row as an object by the fields' keys, and a list of such objects.
 TableCell table_json(const TableRow& row);
 TableCell table_json(const std::vector<TableRow>& rows);
 

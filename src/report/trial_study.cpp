@@ -24,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 void check_perceptions(const std::vector<std::string>& names) {
-  // Oracles that are misled are driven by --error-trials.
+  // Trials of misled oracles are those of --error-trials.
   std::vector<std::string> accepted = perception_names();
   std::erase_if(accepted, [](const std::string& name) { return name.starts_with("oracle_"); });
   for (const std::string& name : names) check_perception(name, "--perception", accepted);
@@ -40,7 +40,7 @@ std::string scene_bytes(const std::string& drive_path) {
       (fs::path(drive_path).parent_path() / drive.at("scene").get<std::string>()).string());
 }
 
-/// Which weights each network's trials are driven with: one study does not mix two trainings.
+/// Notes which weights each network's trials are driven with. One study must not mix two trainings.
 void keep_weights(const fs::path& directory, const std::map<std::string, std::string>& files) {
   if (files.empty()) return;
   const std::string path = (directory / "weights.json").string();
@@ -67,12 +67,12 @@ void make_study_directory(const fs::path& directory) {
   }
 }
 
-/// What the page plays of a trial, relative to the study's directory.
+/// The file that the page plays for a trial, relative to the study's directory.
 fs::path kept_replay(const Trial& trial) {
   return replay_page(trial).parent_path() / "replay.json";
 }
 
-/// The directory, which is there from then on.
+/// Makes the directory and returns it.
 const std::string& made(const std::string& directory) {
   make_study_directory(directory);
   return directory;
@@ -93,7 +93,7 @@ TrialRunner::TrialRunner(const TrialRequest& request)
       networks_(load_networks(drive_, files_)),
       study_(trial_study(drive_, scene_bytes(request.drive), request.options.seed)),
       sensor_(drive_.scene),
-      // What the solver makes once for a scene is made once for all drives.
+      // What the solver computes once for a scene is computed once for all drives.
       fitter_(std::make_shared<const Fitter>(drive_.scene)) {}
 
 TrialResult TrialRunner::run(const Trial& trial) const {
@@ -193,7 +193,8 @@ void TrialStudy::keep_for_pair(const Trial& trial) const {
   write_atomically(file.string(), dump_json(drive_replay(drive(), options, driven)) + "\n");
 }
 
-/// Of the seeds that are kept, the most telling first; as many as a page may hold.
+/// Pairs of drives with the same seed whose replays were kept, the most telling first, at most as
+/// many as a page may hold.
 nlohmann::json TrialStudy::kept_pairs() const {
   constexpr std::size_t kMost = 6;  // some 0.3 MB each
   nlohmann::json pairs = nlohmann::json::array();

@@ -27,7 +27,7 @@ using Figure = std::function<std::optional<double>(const TrialResult&)>;
 /// Braking that uses more than this share of the friction limit is hard.
 constexpr double kHardShare = 0.5;
 
-/// The trials of one perception with one risk; empty: the drive file's.
+/// The trials of one perception with one risk. No risk: that of the drive file.
 struct Group {
   std::string perception;
   std::optional<double> risk;
@@ -39,7 +39,7 @@ double risk_of(const Drive& drive, const Group& group) {
   return group.risk.value_or(own);
 }
 
-/// By perception in the order of the trials, then by risk.
+/// Groups in order of the perception, as the trials name them, then of the risk.
 std::vector<Group> groups_of(const Drive& drive, const std::vector<TrialResult>& results) {
   std::vector<Group> groups;
   for (const TrialResult& result : results) {
@@ -72,7 +72,7 @@ Test hard_on(const Drive& drive) {
   return [limit](const TrialResult& result) { return result.hardest_braking > limit; };
 }
 
-/// Against the time that the same way takes at the wanted speed, s; of drives to the goal.
+/// Time beyond what the same way takes at the wanted speed, s. Only for drives that reach the goal.
 std::optional<double> time_lost(const TrialResult& result) {
   if (!result.reached()) return {};
   return result.time - result.length / result.trial.speed;
@@ -141,7 +141,7 @@ std::string cost_table(const Drive& drive, const std::vector<Group>& groups) {
   return rows + "</table>\n";
 }
 
-/// Trials of both, by seed.
+/// Pairs of trials with the same seed.
 std::vector<std::pair<const TrialResult*, const TrialResult*>> matched(const Results& first,
                                                                        const Results& second) {
   std::map<std::uint64_t, const TrialResult*> other;
@@ -210,7 +210,7 @@ double share(int some, std::size_t all) {
   return all > 0 ? static_cast<double>(some) / static_cast<double>(all) : 0.0;
 }
 
-/// A vertical line from 0 to 1, which the axis reaches.
+/// A vertical line from 0 to 1. The axis therefore reaches from 0 to 1.
 ChartSeries limit_line(const std::string& name, double speed, const char* colour) {
   return {name, {{speed, 0}, {speed, 1}}, SeriesStyle::line, colour};
 }
@@ -275,13 +275,13 @@ Chart front_chart(const Drive& drive, const std::vector<Group>& groups) {
                                                   risk_text(drive, group)});
   }
   for (ChartSeries& series : chart.series) {
-    // One point has no front: what it is stands in the legend.
+    // A single point is no front and needs no label: the legend says what it is.
     if (series.points.size() == 1) series.style = SeriesStyle::marks;
   }
   return chart;
 }
 
-/// Times before the meeting over speed, as the limits have them.
+/// Times before the meeting against the speed, as limits.json states them.
 std::optional<Chart> paper_chart(const json& limits) {
   if (!limits.is_object() || !limits.contains("speed_m_per_s")) return {};
   Chart chart{"on paper", "speed, m/s", "time before the meeting, s"};
@@ -304,7 +304,7 @@ std::optional<Chart> paper_chart(const json& limits) {
 
 std::string front_section(const Drive& drive, const std::vector<TrialResult>& results,
                           const json& limits) {
-  // Trials of earlier versions say nothing of impacts and brakings.
+  // Files of earlier versions say nothing of impacts and brakings.
   std::vector<TrialResult> told;
   std::ranges::copy_if(results, std::back_inserter(told), &TrialResult::with_costs);
   const std::vector<Group> groups = groups_of(drive, told);

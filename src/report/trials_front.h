@@ -11,9 +11,10 @@
 
 namespace blindcorner {
 
-/// Collisions against the wanted speed with the limits on paper, the front of collisions against
-/// mean speed with risks varied, a table of costs and their differences paired by seed. `limits` as
-/// limits.json has them (docs/drive.md); null: none. Results without injected errors.
+/// Charts of the collisions against the wanted speed, with the limits on paper, and of the front of
+/// collisions against mean speed, with risks varied; a table of costs, and one of their differences
+/// paired by seed. `results` have no injected errors. `limits` is the content of limits.json
+/// (docs/drive.md); null: there is none.
 std::string front_section(const Drive& drive, const std::vector<TrialResult>& results,
                           const nlohmann::json& limits);
 

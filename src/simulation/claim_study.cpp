@@ -10,7 +10,7 @@
 namespace blindcorner {
 namespace {
 
-/// Of the fast model that chooses exposures.
+/// Tolerance of the fast model that chooses exposures.
 constexpr double kStudyTolerance = 0.02;
 constexpr std::uint64_t kStudyLevelSeed = 7'919'000'017;
 

@@ -13,8 +13,9 @@ double bonferroni(double family, int tests) {
 
 ShareInterval binomial_range(double probability, int trials, double confidence) {
   if (trials <= 0) return {};
-  // The smallest numbers of successes that are not exceeded with at least these probabilities: what
-  // lies below the first or above the second has at most half of what is left.
+  // The smallest numbers of successes that are not exceeded with at least the probabilities `tail`
+  // and 1 - `tail`. Fewer than the first, or more than the second, have a probability of at most
+  // `tail` each.
   using namespace boost::math::policies;
   using RoundedUp = policy<discrete_quantile<integer_round_up>>;
   const boost::math::binomial_distribution<double, RoundedUp> law(trials, probability);

@@ -82,7 +82,8 @@ std::vector<std::vector<std::size_t>> places_of(std::size_t count,
   return places;
 }
 
-/// Percentiles of a figure of captures drawn again; `figure` takes indices of captures.
+/// A figure and its percentiles over places that are drawn again; `figure` takes indices of
+/// captures.
 template <class Figure>
 BootstrapInterval bootstrap_captures(std::size_t count, std::uint64_t seed,
                                      const CaptureClusters& clusters, const Figure& figure) {
@@ -108,7 +109,7 @@ BootstrapInterval bootstrap_captures(std::size_t count, std::uint64_t seed,
   return {value, quantile(values, 0.025), quantile(values, 0.975)};
 }
 
-/// Of those of the values that are finite; NaN without any.
+/// The statistic of the finite values among these; NaN if there are none.
 double statistic_at(std::span<const double> values, const std::vector<std::size_t>& indices,
                     const Statistic& statistic) {
   std::vector<double> finite;
@@ -138,7 +139,7 @@ CaptureClusters clusters_of(const std::vector<PoseVector>& truths) {
   return clusters;
 }
 
-/// Unknown coordinates of position.
+/// Number of unknown coordinates of position.
 int coordinates(const Scene& scene) {
   return static_cast<int>(std::ranges::count_if(
       scene.unknowns, [](const Unknown& u) { return u.component <= Component::z; }));
@@ -154,7 +155,7 @@ double share_with(const std::vector<MethodAnswer>& answers, const char* flag) {
   return count > 0 ? with / count : 0;
 }
 
-/// What is wrong with the answers of one method, NaN where there is none.
+/// Errors of the answers of one method; NaN if there is no answer.
 struct AnswerErrors {
   std::vector<std::vector<double>> absolute;  ///< [unknowns][captures] m, rad or 1
   std::vector<double> lengths;                ///< [captures] of position, m
@@ -176,7 +177,7 @@ AnswerErrors answer_errors(const Scene& scene, const std::vector<PoseVector>& tr
   return errors;
 }
 
-/// Its place among the unknowns.
+/// Index of the yaw among the unknowns.
 std::optional<std::size_t> yaw_of(const Scene& scene) {
   for (std::size_t k = 0; k < scene.unknowns.size(); ++k) {
     if (scene.unknowns[k].component == Component::yaw) return k;
@@ -202,7 +203,7 @@ MethodFigures figures_of(const Scene& scene, const std::vector<MethodAnswer>& an
                          std::uint64_t seed) {
   MethodFigures figures;
   std::vector<double> times;    // NaN where there is no answer, as below
-  std::vector<double> squares;  // a coordinate's mean
+  std::vector<double> squares;  // mean over the coordinates
   for (std::size_t i = 0; i < answers.size(); ++i) {
     const bool answered = answers[i].error.empty();
     if (!answered && figures.failures++ == 0) figures.first_error = answers[i].error;
@@ -261,7 +262,7 @@ std::string finding(const Condition& condition, const std::string& what, const c
          reason(condition, first);
 }
 
-/// Where a method is better than the first by more than the captures leave open.
+/// Adds findings if a method is better than the first one beyond what the captures leave open.
 void add_findings(const Condition& condition, const MethodFigures& figures,
                   const MethodFigures& first, std::optional<std::size_t> yaw,
                   std::vector<std::string>& findings) {

@@ -23,9 +23,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// How far beyond its range an unknown of the grid goes, as a share of it.
+/// How far an unknown of the grid goes beyond its range, as a share of the range.
 constexpr double kBeyond = 0.25;
-/// Times the data set's spread that unseen poses of the sensor are drawn from.
+/// Unseen poses of the sensor are drawn within so many times the data set's spread.
 constexpr double kFartherSensors = 2;
 /// Places that are tried before a condition is given up.
 constexpr int kAttempts = 2000;
@@ -36,7 +36,7 @@ struct Stand {
   Transform sensor;
 };
 
-/// What becomes of the places in a condition: the scene that the light follows, and its poses.
+/// A condition with the scene that its light follows, and with the poses in it.
 struct Staged {
   Condition condition;
   std::optional<Scene> truth;  ///< empty: left out
@@ -152,7 +152,7 @@ class Stage {
     return staged;
   }
 
-  /// The scene with room for what is outside of its ranges.
+  /// The scene with room for places outside of its ranges.
   static Scene widened(Scene scene) {
     for (Unknown& unknown : scene.unknowns) {
       if (unknown.component > Component::y) continue;
@@ -228,7 +228,8 @@ class Stage {
   std::vector<Stand> trained_;
 };
 
-/// The captures of a condition, named as the scene that methods are told names its unknowns.
+/// Renders the captures of a condition. Their truth has the names of the scene that methods are
+/// told.
 void render(const Scene& told, Staged& staged, std::uint64_t seed,
             const std::function<void()>& advance) {
   if (!staged.truth) return;
@@ -301,7 +302,7 @@ bool clear_of_surfaces(const Scene& scene, const PoseVector& pose) {
   return std::ranges::all_of(scene.surfaces, [&](const Surface& surface) {
     const Transform T_surface_world = surface.T_world_surface.inverse();
     const Vector3d at = T_surface_world * center;
-    // Of the object's box, as the surface's own axes see it.
+    // Half extents of the object's box along the surface's own axes.
     const Vector3d reach = T_surface_world.linear().cwiseAbs() * half;
     const Vector3d own = half_extents(surface.shape, 0.0);
     return ((at.cwiseAbs() - reach - own).array() >= -kTouch).any();
@@ -318,7 +319,7 @@ std::vector<Condition> render_conditions(const Scene& scene, const ComparisonOpt
   std::vector<Condition> conditions;
   std::uint64_t seed = options.seed;
   for (Staged& staged : Stage(scene, options).all()) {
-    seed += 1'000'000'007;  // also of those that are not wanted: they change no other
+    seed += 1'000'000'007;  // also for conditions that are not wanted, so that they change no other
     const std::vector<std::string>& wanted = options.conditions;
     const bool is_wanted =
         wanted.empty() || std::ranges::find(wanted, staged.condition.name) != wanted.end();

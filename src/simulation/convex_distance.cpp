@@ -26,8 +26,8 @@ double corners_to_edges(const Polygon& corners, const Polygon& edges) {
   return least;
 }
 
-/// Whether the direction at right angles to one of a's edges separates the two. A line's ends count
-/// as edges too.
+/// Whether the direction at right angles to one of a's edges separates the two polygons. The
+/// direction along an edge is tried as well, because a line's ends count as edges too.
 bool separated_by_edges(const Polygon& a, const Polygon& b) {
   const auto range = [](const Polygon& polygon, const Vector2d& axis) {
     const auto [low, high] =

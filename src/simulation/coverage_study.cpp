@@ -22,22 +22,22 @@ namespace {
 
 constexpr double kRegions[] = {0.5, 0.9, 0.95};
 constexpr double kWarnedRegion = 0.95;
-/// Region of a mode in which the truth must lie for the mode to be the right one: of Student's t
-/// with the mode's moments, because a mode that is skewed or bent is no less the right one; whether
-/// its shape is, the regions of the mixture tell.
+/// A mode is the right one if the truth lies in this region of it. The region is that of Student's
+/// t with the mode's moments, because a skewed or bent mode may be the right one, too. The regions
+/// of the mixture tell whether the shape of the modes is right.
 constexpr double kModeRegion = 0.999, kModeFreedom = 5;
 constexpr int kWeightBins = 10;
-/// Bins with fewer statements say nothing.
+/// Bins with fewer statements are left out, because they say nothing.
 constexpr int kMinStatements = 10;
 constexpr std::uint64_t kTrialSeed = 1'000'003;
-/// Of right captures that the best test flags: about what the fit's own flags cost together.
+/// Share of right captures that the best test flags: about as many as the fit's own flags together.
 constexpr double kBestTestAlarms = 0.01;
-/// Objects whose light is rendered with half of the sampling too: enough to warn, for a per cent of
-/// the time of 2000 captures.
+/// Objects whose light is rendered with half of the sampling, too. So many are enough to warn, for
+/// a per cent of the time of 2000 captures.
 constexpr int kTruthChecks = 24;
-/// Samplings of a truth that is as dense as it must be, in units of the one that is asked for; the
-/// step from one to the next, which takes up to eight times as long; and objects that tell which
-/// one does. By judgement of time.
+/// kTruthSamplings: samplings to choose from for a truth as dense as it must be, in units of the
+/// wanted one. The densest takes up to eight times as long as the coarsest. kDenser: the step from
+/// one sampling to the next. kDenseChecks: objects by which one is chosen. By judgement of time.
 constexpr std::array kTruthSamplings{0.5, 0.7, 1.0, 1.4};
 constexpr double kDenser = 1.4;
 constexpr int kDenseChecks = 6;
@@ -48,7 +48,8 @@ std::string percent(const char* pattern, double a, double b = 0) {
   return text;
 }
 
-/// Log density of a mode's share at a truth, and its squared Mahalanobis distance.
+/// The truth's log density under a mode's share, and its squared Mahalanobis distance from the
+/// mode.
 struct ModeAtTruth {
   double log_density = 0, square = 0;
 };
@@ -96,8 +97,8 @@ bool held(const ClaimTrial& trial, double region) {
   return trial.error.empty() && trial.level <= region;
 }
 
-/// Claims of weights, a bin each. Weights of one are claimed up to the region that a mode must hold
-/// the truth in.
+/// Claims of weights, one for each bin. A mode of weight one is claimed to hold the truth only with
+/// the probability of its region.
 void add_weight_claims(std::span<const ClaimTrial> trials, std::vector<ClaimTest>& claims) {
   ReliabilityDiagram diagram(kWeightBins);
   for (const ClaimTrial& trial : trials) {
@@ -111,7 +112,8 @@ void add_weight_claims(std::span<const ClaimTrial> trials, std::vector<ClaimTest
   }
 }
 
-/// The first posterior that says that there is more than one place or an open direction.
+/// The first posterior that says that there are several places. If there is none, the first one
+/// that says that a direction is open.
 std::optional<AmbiguousExample> ambiguous_example(const Fitter& fitter,
                                                   std::span<const DrawnObject> objects,
                                                   std::span<const ClaimTrial> trials,
@@ -127,7 +129,7 @@ std::optional<AmbiguousExample> ambiguous_example(const Fitter& fitter,
   return std::nullopt;
 }
 
-/// Expected of the object in one capture.
+/// Expected photons of the object in one capture.
 double photons_of(const Scene& scene, const DrawnObject& object, const Exposure& exposure) {
   return exposure.exposures * object.amplitude * total_counts(scene, object.three_bounce);
 }
@@ -147,7 +149,7 @@ void summarise(const Scene& scene, CoverageLevel& level) {
   level.mean_square_high = interval.high / unknowns;
 }
 
-/// For captures without noise.
+/// Fitter for captures without noise.
 Fitter without_samples(const Scene& scene, FitOptions options) {
   options.importance_samples = options.empty_captures = 0;
   return Fitter(scene, options);
@@ -173,7 +175,7 @@ void study_wrong(const Scene& scene, const CoverageOptions& options, const Fitte
   }
 }
 
-/// The first objects in light of half the sampling; none where there is no such light.
+/// The first objects in light of half the sampling; none if there is no such light.
 std::vector<DrawnObject> coarser_objects(const Scene& scene, const CoverageOptions& options) {
   DrawOptions draw = draw_options(options);
   draw.objects = std::min(draw.objects, kTruthChecks);
@@ -196,8 +198,8 @@ double truth_error(const Fitter& fitter, std::span<const DrawnObject> objects,
   return std::accumulate(squares.begin(), squares.end(), 0.0) / static_cast<double>(squares.size());
 }
 
-/// The sampling that CoverageOptions::dense_truth asks for: each is judged by what the step to it
-/// from a coarser one changes.
+/// The sampling that CoverageOptions::dense_truth asks for. Each sampling is judged by what changes
+/// in the step to it from a coarser one.
 double dense_sampling(const Scene& scene, const CoverageOptions& options, const Fitter& explains,
                       const Exposure& brightest) {
   DrawOptions draw = draw_options(options);
@@ -211,7 +213,7 @@ double dense_sampling(const Scene& scene, const CoverageOptions& options, const 
     draw.sampling = sampling(part);
     if (part == kTruthSamplings.back()) break;
     std::vector<DrawnObject> objects = draw_objects(scene, draw);
-    // Errors fall at least with the square of the cells' edges, their squares with the fourth
+    // Errors fall at least with the square of the cells' edges, and their squares with the fourth
     // power.
     const double own = truth_error(explains, objects, coarser, brightest) / std::pow(kDenser, 4);
     if (own < kMaxTruthError) break;

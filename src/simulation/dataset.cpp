@@ -17,7 +17,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Of the distance to the relay: a hand's breadth in front of a wall, a metre in a street.
+/// Spread of the sensor as a share of its distance to the relay: a hand's breadth in front of a
+/// wall, a metre in a street.
 constexpr double kSpreadShare = 0.05;
 
 int grid_side(int objects) { return static_cast<int>(std::lround(std::sqrt(objects))); }

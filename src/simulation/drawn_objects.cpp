@@ -14,13 +14,14 @@
 namespace blindcorner {
 namespace {
 
-/// Seed of second objects' places, apart from that of the first ones'.
+/// Offset of the seed for the places of second objects, which are drawn apart from the first ones.
 constexpr std::uint64_t kSecondSeed = 7919;
 /// ReferenceOptions::known_density. The known scene may send a thousand times the object's light,
-/// so that a thousandth of it matters; it is summed once for all objects.
+/// so that an error of a thousandth of it matters. It is summed once for all objects.
 constexpr double kKnownDensity = 2;
 
-/// Changes of what the scene says about its light. Ambient light is none of it: studies choose it.
+/// Changes that make the scene wrong about its light. The ambient light is not changed: studies
+/// choose it.
 std::vector<SceneChange> wrong_changes(const Scene& scene) {
   std::vector<SceneChange> changes = scene_changes(scene);
   std::erase_if(changes, [&](const SceneChange& c) {
@@ -31,7 +32,7 @@ std::vector<SceneChange> wrong_changes(const Scene& scene) {
   return changes;
 }
 
-/// The true scene. Throws Error.
+/// The scene with the change named `wrong`. Throws Error.
 Scene true_scene(const Scene& scene, const std::string& wrong) {
   if (wrong.empty()) return scene;
   std::string names;

@@ -12,7 +12,8 @@
 namespace blindcorner {
 namespace {
 
-/// Levels of the regions that a right answer's truth lies in, and a wrong one's does not.
+/// The truth lies in the region of the first level for a right answer, and outside of the region of
+/// the second level for a wrong one.
 constexpr double kCovered = 0.95, kWrong = 0.999;
 /// The heaviest mode stands for the whole answer when it weighs more than this.
 constexpr double kDominates = 0.9;
@@ -27,13 +28,13 @@ bool by_sight(const DriveFrame& frame) {
   return has(frame.flags, "in_sight") || has(frame.flags, "partly_in_sight");
 }
 
-/// The answer itself says that it may be wrong.
+/// Whether the answer itself says that it may be wrong.
 bool doubted(const DriveFrame& frame) {
   return has(frame.flags, "multimodal") || has(frame.flags, "predicted") ||
          has(frame.flags, "at_bound");
 }
 
-/// Of x and y of each hidden object, heaviest mode.
+/// Errors of x and y of each hidden object under a mode.
 PositionErrors errors_of(const Scene& scene, const PoseMode& mode, const PoseVector& truth) {
   PositionErrors errors;
   for (int object = 0; object < object_count(scene); ++object) {
@@ -53,7 +54,7 @@ PositionErrors errors_of(const Scene& scene, const PoseMode& mode, const PoseVec
   return errors;
 }
 
-/// The frame that an answer is about.
+/// The frame that was captured at this time; null: none.
 const DriveFrame* captured(const DriveResult& result, double time) {
   const auto frame = std::ranges::find_if(result.frames, [&](const DriveFrame& other) {
     return std::abs(other.time - time) < kSameTime;

@@ -14,18 +14,19 @@
 namespace blindcorner {
 namespace {
 
-/// Trials count their seeds from 1, those with injected errors from a million.
+/// Seeds of these drives begin here. Trials count their seeds from 1, those with injected errors
+/// from a million.
 constexpr std::uint64_t kDatasetSeeds = 1'000'000'000;
 
-/// Seeds of a frame's captures begin this far from those of the frame before, and no drive has so
-/// many frames that they meet another's.
+/// Seeds of a frame's captures begin this far from those of the frame before. No drive has so many
+/// frames that its seeds meet another drive's.
 constexpr std::uint64_t kSeedsApart = 1'000;
 constexpr std::uint64_t kDriveSeeds = 1'000'000'000;
-/// Places that are tried before a frame does without more.
+/// Places that are tried before a frame makes do with fewer.
 constexpr int kAttempts = 200;
 constexpr int kMaxPlaces = 100;
 
-/// Senses what a drive came by.
+/// Drives, and senses the frames on the way.
 class Recorder {
  public:
   Recorder(const Drive& drive, const SimulatedSensor& sensor, int places)
@@ -34,7 +35,7 @@ class Recorder {
         places_(places),
         sight_(drive.scene, drive.map, sight_options(drive)) {}
 
-  /// Frames in which no hidden object was in sight.
+  /// Captures of the frames in which no hidden object is, or was before, in sight.
   std::vector<Capture> record(const Trial& trial) const {
     DriveOptions options = options_of(trial);
     options.keep_pictures = false;  // nothing is sensed: the oracle needs no histograms
@@ -51,7 +52,7 @@ class Recorder {
   }
 
  private:
-  /// Where the hidden objects are, and where they might have been.
+  /// Where the hidden objects are, and where they might have been out of sight.
   std::vector<PoseVector> poses_of(const DriveFrame& frame, std::uint64_t seed) const {
     std::vector<PoseVector> poses{*frame.truth};
     const auto wanted = static_cast<std::size_t>(places_);

@@ -18,9 +18,10 @@
 namespace blindcorner {
 namespace {
 
-/// s that vehicle and object are followed after it has begun to brake: who crosses has passed.
+/// s for which vehicle and object are followed after braking has begun. By then an object that
+/// crosses has passed.
 constexpr double kFollowed = 15;
-/// s between the times at which sight is cast first: a frame of 10 Hz.
+/// s between the times at which sight is tested first: a frame of 10 Hz.
 constexpr double kSightStep = 0.1;
 /// Times are found to within these, s.
 constexpr double kResolved = 0.01, kLightResolved = 0.07;
@@ -52,7 +53,7 @@ Drive hardest(const Drive& drive) {
   return middle;
 }
 
-/// Expected light that is there already, for link_budget().
+/// A forward model that returns light computed before, for link_budget().
 class KnownLight final : public ForwardModel {
  public:
   explicit KnownLight(SensedLight light) : light_(std::move(light)) {}
@@ -123,7 +124,7 @@ Approach::Approach(const Drive& drive, const SimulatedSensor& sensor, double spe
   }
 }
 
-/// m driven at a time, s; from `braking_from` on at the friction limit.
+/// m driven at a time, s. From `braking_from` on, the vehicle brakes at the friction limit.
 double Approach::arc_length(double time, double braking_from) const {
   const double place = std::clamp(std::min(time, braking_from) / step_, 0.0,
                                   static_cast<double>(driven_.size() - 1));
@@ -176,7 +177,8 @@ std::optional<double> Approach::last_braking(double contact) const {
   return low;
 }
 
-/// The first time at which something holds, looked for in steps and then between the last two.
+/// The first time at which something holds: searched in steps, then by bisection between the last
+/// two.
 template <typename Holds>
 std::optional<double> first_time(double step, double resolved, double until, const Holds& holds) {
   double low = 0;
@@ -201,7 +203,7 @@ std::optional<double> Approach::first_sight(const LineOfSight& sight, double unt
   });
 }
 
-/// Of the best zone.
+/// Signal-to-noise ratio of the best zone.
 double Approach::signal_to_noise(double time) const {
   const PoseVector pose = *world_.hidden(time);
   const KnownLight light(sensor_.light(sensor_pose(time), pose));
@@ -217,7 +219,8 @@ std::optional<double> Approach::first_light(const DriveLimitsOptions& options, d
                     [&](double time) { return signal_to_noise(time) > options.signal_to_noise; });
 }
 
-/// Fills in what was not looked at: between neighbours `every` apart that both have a value.
+/// Interpolates the values that were not computed, between neighbours `every` apart that both have
+/// one.
 void interpolate(std::vector<std::optional<double>>& values, int every) {
   const auto step = static_cast<std::size_t>(every);
   for (std::size_t i = 0; i + step < values.size(); i += step) {
@@ -229,8 +232,8 @@ void interpolate(std::vector<std::optional<double>>& values, int every) {
   }
 }
 
-/// Lowest speed above which there is less time than is needed, between the samples before and
-/// after; the first sample where that is so already.
+/// Lowest speed above which there is less time than needed, interpolated between the samples before
+/// and after. It is the first sample's speed if that has too little time already.
 std::optional<double> limit_of(const std::vector<double>& speed,
                                const std::vector<std::optional<double>>& there,
                                const std::vector<std::optional<double>>& needed) {

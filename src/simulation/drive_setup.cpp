@@ -11,23 +11,25 @@
 namespace blindcorner {
 namespace {
 
-/// A cell this likely to be occupied is an obstacle: an object of one cell's width whose position
-/// is uncertain by as much has no cell above a third, but a path across all of them hits it for
-/// sure.
+/// A cell this likely to be occupied is an obstacle. If an object of one cell's width has a
+/// position that is uncertain by as much, no cell is above a third, but a path across all of them
+/// hits the object for sure.
 constexpr double kAvoidedProbability = 0.2;
-/// What is unknown is no obstacle, or nothing could be driven around a corner, but costs as risk.
+/// Unknown cells are no obstacles, or no vehicle could drive around a corner, but they cost as a
+/// risk.
 constexpr double kUnknownOccupancy = 0.1;
-/// Room that plans leave on each side for the follower's offset from the path, in widths.
+/// Room that plans leave on each side for the follower's offset from the path, in vehicle widths.
 constexpr double kMargin = 0.1;
-/// Shares that plans use of the friction limit in curves (unless the drive says), of it in braking
-/// for them, and of the steering's rate: the follower needs the rest.
+/// Shares that plans use: of the friction limit in curves (unless the drive says), of this limit
+/// when braking for curves, and of the steering's rate. The follower needs the rest.
 constexpr double kCorneringShare = 0.7, kBrakingShare = 0.4, kSteeringShare = 0.8;
 /// A metre at risk 0.1 costs as much as two.
 constexpr double kRiskWeight = 10;
 
 CurveLimits curve_limits(const DriveVehicle& vehicle, const VehicleLimits& limits, double speed) {
   CurveLimits curves;
-  // What turns on the spot does so before it drives off; on its way it turns about its own side.
+  // A vehicle that turns on the spot does so before it drives off. On its way it turns about its
+  // own side.
   curves.turning_radius = vehicle.turning_radius > 0 ? vehicle.turning_radius : vehicle.width / 2;
   const double share = vehicle.cornering_share.value_or(kCorneringShare);
   if (vehicle.cornering_share || vehicle.brakes_for_curves) {
@@ -119,7 +121,7 @@ OccludedSpeedOptions occluded_speed_options(const Drive& drive) {
   for (const auto* velocities : {&drive.truth.velocity, &drive.truth.velocity_upper}) {
     for (const Eigen::Vector2d& v : *velocities) options.speed = std::max(options.speed, v.norm());
   }
-  // The first frame that shows somebody is braked for.
+  // The vehicle brakes for the first frame that shows somebody.
   options.reaction_time = 1 / drive.sensor.rate + PathFollowerOptions{}.delay;
   if (drive.sensor.late_share > 0) options.reaction_time += drive.sensor.late_by;
   options.margin = std::min(options.margin, drive.vehicle.width / 6);
@@ -161,7 +163,7 @@ PredictionOptions prediction_options(const Drive& drive, const VehicleLimits& li
 
 std::optional<double> obstacle_disc(const Drive& drive, const std::optional<double>& perceived) {
   constexpr double kPublished = 1;  // m (arXiv:2410.03555)
-  // A robot's sign is smaller than a cyclist.
+  // An object smaller than the published disc, such as a robot's sign, gets a disc of its own size.
   if (drive.controller == DriveController::published) {
     return std::min(kPublished, bounding_radius(drive.scene.hidden.shape, Anchor::center));
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What the parts of a drive are made with, from its file. Speeds are the wanted ones, m/s.
+/// Makes what the parts of a drive need from the drive file. Speeds are the wanted ones, m/s.
 #pragma once
 
 #include <memory>
@@ -30,14 +30,15 @@ ReplannerOptions replanner_options(const Drive& drive);
 
 LineOfSightOptions sight_options(const Drive& drive);
 
-/// A vehicle that counts on what it has seen to stay free must not forget it while it drives by:
-/// what was seen empty fades in the time in which hidden objects cross the vehicle's width.
+/// In speed mode safe, a vehicle counts on seen cells to stay free, and must not forget them while
+/// it drives by. There, what was seen empty fades in the time in which hidden objects cross the
+/// vehicle's width.
 OccupancyOptions occupancy_options(const Drive& drive);
 
 /// Direct sight needs no perception: it acts with the next frame.
 SafeSpeedOptions safe_speed_options(const Drive& drive);
 
-/// Who is not seen may move as fast as the drive file's hidden objects do at most.
+/// Unseen road users may move at most as fast as the drive file's hidden objects.
 OccludedSpeedOptions occluded_speed_options(const Drive& drive);
 
 /// Looks as far as a vehicle at the wanted speed needs to slow down and then to stop.
@@ -48,8 +49,8 @@ PathOutlookOptions outlook_options(const Drive& drive, const VehicleLimits& limi
 /// Looks as far as a vehicle at this speed (m/s) needs to stop.
 PredictionOptions prediction_options(const Drive& drive, const VehicleLimits& limits, double speed);
 
-/// Radius of the disc that obstacles are on the map, m: a perception's own, or the published one,
-/// of an object smaller than that its bounding radius.
+/// Radius of the disc that an obstacle is on the map, m: the perception's own. With the published
+/// controller it is the published one, or the bounding radius of an object smaller than that.
 std::optional<double> obstacle_disc(const Drive& drive, const std::optional<double>& perceived);
 
 /// The scene whose hidden objects the map knows: as they are, or as discs of a radius (m).

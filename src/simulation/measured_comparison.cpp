@@ -94,7 +94,7 @@ class Comparison {
     }
   }
 
-  /// All methods after they have seen the captures to learn.
+  /// All methods, after they have seen the captures to learn from.
   std::vector<ComparedMethod> learn(const PositionSplit& split, const std::string& name) {
     std::vector<Capture> known = at(measured_.captures, split.learn);
     say(name + ": calibration");

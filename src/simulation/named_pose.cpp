@@ -36,7 +36,8 @@ constexpr SensorPoseName kSensorNames[] = {
     {"pitch_rad", 4, 1.0},   {"roll_deg", 5, kDegree}, {"roll_rad", 5, 1.0},
 };
 
-/// Takes "front." off the front of a name; the index of that object, -1 for none of that name.
+/// Takes an object's "front." off the front of a name. Returns the object's index; -1: no such
+/// object.
 int take_object(const Scene& scene, std::string& name) {
   const auto dot = name.find('.');
   if (dot == std::string::npos) return object_count(scene) == 1 ? 0 : -1;

@@ -43,7 +43,7 @@ class NetworkPerception final : public Perception {
   }
 
  private:
-  /// Of the published network's answer: it is taken for certain.
+  /// Whether answers are taken for certain, as the published network's are.
   bool states_no_error() const { return perception_of(*network_) == kPublished; }
 
   const Scene& scene_;

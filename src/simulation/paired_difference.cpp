@@ -9,8 +9,8 @@
 namespace blindcorner {
 namespace {
 
-/// Correlation of the two outcomes, a positive one lowered for continuity; 0 where one never
-/// changes.
+/// Correlation of the two outcomes. A positive one is lowered for continuity. 0 if one outcome
+/// never changes.
 double correlation(const PairedCounts& c) {
   const double a = c.both, b = c.only_first, d = c.only_second, e = c.neither;
   const double product = (a + b) * (d + e) * (a + d) * (b + e);

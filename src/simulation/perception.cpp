@@ -64,7 +64,7 @@ class OraclePerception final : public Perception {
   std::function<std::optional<PoseVector>(double)> truth_;
 };
 
-/// What a misled oracle states of its position.
+/// How a misled oracle states its position.
 enum class StatedAs { disc, covariance };
 
 /// The truth, moved by an injected error in one horizontal direction.
@@ -92,10 +92,10 @@ class MisledOracle final : public Perception {
   }
 
  private:
-  /// Directions come from another sequence than what is drawn of the world.
+  /// Directions come from another random sequence than the world's random values.
   static constexpr std::uint64_t kDirectionSeed = 0xd1b54a32d192ed03;
 
-  /// x and y of each unknown that is a horizontal position: 0, 1; otherwise empty.
+  /// The axis of an unknown that is a horizontal position: 0 for x, 1 for y. Empty for others.
   static std::optional<int> axis(const Unknown& unknown) {
     const int component = static_cast<int>(unknown.component);
     return component <= 1 ? std::optional(component) : std::nullopt;
@@ -129,9 +129,10 @@ struct Entry {
   double delay = 0;  ///< s, where the drive file declares none
 };
 
-/// Upper estimates: a frame of street_turn, 64 zones of 256 bins, took 0.15 ms (90 % within 0.17)
-/// and 2.7 ms (3.5) on one of two shared cores, medians of 4064 frames by `cnn evaluate`; frames of
-/// 9 zones and 128 bins take 0.05 ms and less than 6 on a busy core.
+/// Upper estimates of the networks' delays, s. A frame of street_turn, 64 zones of 256 bins, took
+/// 0.15 ms (90 % within 0.17) for cnn and 2.7 ms (3.5) for cnn_wide on one of two shared cores,
+/// medians of 4064 frames by `cnn evaluate`. Frames of 9 zones and 128 bins take 0.05 ms, and less
+/// than 6 on a busy core.
 constexpr double kCnnDelay = 0.001;
 constexpr double kWideCnnDelay = 0.01;
 

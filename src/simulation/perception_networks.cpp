@@ -11,14 +11,14 @@
 namespace blindcorner {
 namespace {
 
-/// Ranges that went through a file as text.
+/// Tolerance for ranges that went through a file as text.
 constexpr double kSameBound = 1e-9;  // m, rad or 1
 
 std::string range_text(double lower, double upper) {
   return std::to_string(lower) + " to " + std::to_string(upper);
 }
 
-/// A network answers within the region that it was trained for.
+/// Refuses a network for another search region: it answers within the one that it was trained for.
 void check_region(const CnnBaseline& network, const Scene& scene, const std::string& file) {
   const std::vector<CnnUnknown>& learnt = network.description().unknowns;
   for (std::size_t i = 0; i < learnt.size(); ++i) {

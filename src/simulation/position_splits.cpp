@@ -40,7 +40,7 @@ std::vector<std::size_t> captures_of_fold(std::span<const LabelledPosition> posi
   return own;
 }
 
-/// Keys of the captures that are, or are not, among those chosen.
+/// Learns on the chosen captures and evaluates the others, or the other way round.
 PositionSplit learn_and_evaluate(std::span<const LabelledPosition> positions,
                                  const std::vector<std::size_t>& chosen, bool learn_chosen) {
   PositionSplit split;
@@ -76,7 +76,8 @@ std::vector<PositionSplit> few_splits(std::span<const LabelledPosition> position
   return splits;
 }
 
-/// Below and above the median of one coordinate, each way.
+/// Two splits at the median of one coordinate: one learns below it and evaluates above it, the
+/// other one does the reverse.
 std::vector<PositionSplit> half_splits(std::span<const LabelledPosition> positions,
                                        Eigen::Index coordinate) {
   std::vector<double> values;

@@ -15,10 +15,10 @@ namespace {
 
 /// Seeds of the captures' photons are this far apart.
 constexpr std::uint64_t kSeedStep = 1'000'003;
-/// Photons from which on the reference renderer's own error, .2 to .5 % of the light where
-/// something stands in its way (tmf8828_wall), is a third of their noise.
+/// From so many photons on, the reference renderer's own error is a third of their noise. The error
+/// is 0.2 to 0.5 % of the light if something stands in its way (tmf8828_wall).
 constexpr double kBright = 1e5;
-/// Sampling that leaves a fifth of that, for ten times the time.
+/// Sampling that leaves a fifth of this error, for ten times the time.
 constexpr double kBrightSampling = 2;
 
 ReferenceOptions reference_options(const RenderOptions& wanted) {
@@ -79,7 +79,7 @@ Capture render_one(const RenderOptions& options, const Scene& scene, const Scene
   return capture;
 }
 
-/// The models' plans hold in the search region: it has to hold what is rendered.
+/// Widens the search region to all rendered poses, because the models' plans hold only within it.
 void widen_to(Scene& free, const std::vector<std::vector<Placement>>& captures) {
   for (Unknown& unknown : free.unknowns) {
     for (const std::vector<Placement>& placements : captures) {

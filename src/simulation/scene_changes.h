@@ -13,13 +13,13 @@ namespace blindcorner {
 
 struct SceneChange {
   std::string name, description;
-  std::string wrong;           ///< what the scene as told says and that is wrong then
-  std::string left_out;        ///< why the scene cannot be changed so; empty: it can
+  std::string wrong;           ///< what the told scene says that is then wrong
+  std::string left_out;        ///< why the scene cannot be changed in this way; empty: it can
   std::optional<Scene> scene;  ///< the changed one
 };
 
-/// Another albedo, size and material, ten times the background, a time zero that is off and a
-/// relay that is tilted.
+/// The changes: another albedo, size and material, ten times the background, a time zero that is
+/// off and a relay that is tilted.
 std::vector<SceneChange> scene_changes(const Scene& scene);
 
 /// The scene with another object of the same kind, whose unknowns follow the first one's.

@@ -59,7 +59,7 @@ Transform forward_end(const Scene& scene) {
   Transform end = scene.T_world_sensor;
   const Vector3d look = end.linear().col(0);
   const auto hit = RayScene(scene.surfaces).first_hit(end.translation(), look);
-  // Of a sensor that looks straight down, forward is where the image's top is.
+  // For a sensor that looks straight down, forward is where the image's top is.
   Vector3d forward = std::hypot(look.x(), look.y()) > 1e-6 ? look : Vector3d(end.linear().col(2));
   forward.z() = 0;
   forward.normalize();

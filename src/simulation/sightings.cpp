@@ -16,7 +16,7 @@ Sightings::Sightings(const Scene& scene, const Motion& motion)
       motion_(scene, motion, OccupancyOptions{}.dwell_time),
       seen_(static_cast<std::size_t>(object_count(scene))) {}
 
-/// Of an object; 0 along an axis that is known.
+/// Position of an object; 0 along an axis that is known.
 Eigen::Vector2d Sightings::position_of(std::size_t object, const PoseVector& pose) const {
   Eigen::Vector2d position = Eigen::Vector2d::Zero();
   for (std::size_t i = 0; i < scene_.unknowns.size(); ++i) {
@@ -39,8 +39,8 @@ Sightings::Sighting Sightings::moved(const Sighting& sighting, double time) cons
   return later;
 }
 
-/// A track of what is seen for the first time: its velocity is as perceived by a mode that weighs
-/// more than half, or any.
+/// Begins the track of an object that is seen for the first time. Its velocity is that of the
+/// perceived mode that weighs more than half. If there is none, it may be any.
 Sightings::Sighting Sightings::begun(std::size_t object, const PoseVector& pose,
                                      const PerceptionAnswer& perceived) const {
   Sighting track;
@@ -84,7 +84,7 @@ bool Sightings::any() const {
   return std::ranges::any_of(seen_, [](const auto& sighting) { return sighting.has_value(); });
 }
 
-/// Perception's modes, moved on, or one that knows nothing.
+/// The perception's modes, moved on. If there are none, one mode that knows nothing.
 PerceptionAnswer Sightings::elsewhere(const PerceptionAnswer& perceived, double age) const {
   PerceptionAnswer answer;
   answer.mixture.emplace();
@@ -94,7 +94,8 @@ PerceptionAnswer Sightings::elsewhere(const PerceptionAnswer& perceived, double 
     for (PoseVelocity& velocity : answer.velocities) {
       velocity.with_pose += age * velocity.covariance;
     }
-    // All objects are there, as the one that was seen: what may have left is none of them.
+    // All objects are there, because one was seen: the modes share all weight, and none is left for
+    // objects that may have gone.
     double total = 0;
     for (const PoseMode& mode : answer.mixture->modes) total += mode.weight;
     for (PoseMode& mode : answer.mixture->modes) mode.weight /= total;
@@ -107,7 +108,7 @@ PerceptionAnswer Sightings::elsewhere(const PerceptionAnswer& perceived, double 
   return answer;
 }
 
-/// Puts an object that has been seen where it was.
+/// Puts an object that has been seen where its track says.
 void Sightings::pin(std::size_t object, double time, PoseMode& mode, PoseVelocity& velocity) const {
   const Sighting& sighting = *seen_[object];
   const Sighting track = moved(sighting, time);
@@ -144,7 +145,7 @@ PerceptionAnswer Sightings::answer(const PerceptionAnswer& perceived, double age
   const bool all =
       std::ranges::all_of(seen_, [](const auto& sighting) { return sighting.has_value(); });
   if (all) {
-    // Modes differ in nothing any more.
+    // All objects are pinned, so that the modes differ in nothing.
     answer.mixture->modes.resize(1);
     answer.mixture->modes.front().weight = 1;
     answer.velocities.resize(1);

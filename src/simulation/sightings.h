@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Hidden objects that came in direct sight, one after the other, beside those that have not.
+/// Combines hidden objects that came in direct sight, one after the other, with those that did not.
 #pragma once
 
 #include <optional>
@@ -19,17 +19,17 @@ class Sightings {
   /// `scene` must outlive it.
   Sightings(const Scene& scene, const Motion& motion);
 
-  /// Notes the objects that are in sight ([hidden objects]) at a time (s) with their pose. Of an
-  /// object that was not seen before, `perceived` may know the velocity.
+  /// Notes the objects that are in sight ([hidden objects]) at a time (s) with their pose.
+  /// `perceived` may know the velocity of an object that was not seen before.
   void see(const std::vector<bool>& in_sight, const PoseVector& pose, double time,
            const PerceptionAnswer& perceived = {});
 
   /// Whether any object has been in sight.
   bool any() const;
 
-  /// What is known at a time (s): objects that have been seen are where their track says; the
-  /// others are as `perceived` says, moved on by `age` (s), and anywhere in their search region
-  /// where it says nothing.
+  /// What is known at a time (s). Objects that have been seen are where their track says. The
+  /// others are where `perceived` says, moved on by `age` (s). If it says nothing, they are
+  /// anywhere in their search region.
   PerceptionAnswer answer(const PerceptionAnswer& perceived, double age, double time) const;
 
  private:

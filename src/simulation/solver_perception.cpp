@@ -10,7 +10,7 @@
 namespace blindcorner {
 namespace {
 
-/// Velocity of a track's mode with all that it is correlated with.
+/// Velocity of a track's mode, with its covariance and its covariance with the pose.
 PoseVelocity velocity_of(const TrackLayout& layout, const Gaussian& state) {
   const Eigen::Index n = layout.poses;
   // Takes velocities to the unknowns that they belong to.

@@ -10,7 +10,7 @@
 namespace blindcorner {
 namespace {
 
-/// Captures of a sensor pose for which tables of exact histograms are made.
+/// Expected captures of a sensor pose: so many that tables of exact histograms are made.
 constexpr int kManyCapturesExpected = 1000;
 
 struct SettingRow {
@@ -76,7 +76,7 @@ const SettingRow kSettings[] = {
      }},
 };
 
-/// A method without a posterior, made of a class that predicts.
+/// A method without a posterior, made from a class that predicts.
 template <class Method, class... Options>
 SweptMethod predicting(std::string name, const Scene& scene, const Options&... options) {
   return {std::move(name), "other methods", false, 1, [scene, options...]() -> SweepAnswerer {

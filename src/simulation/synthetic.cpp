@@ -11,9 +11,9 @@
 namespace blindcorner {
 namespace {
 
-/// Bins, brightest first, that together hold this share of the light are its time gate.
+/// The time gate is the brightest bins that together hold this share of the light.
 constexpr double kGateShare = 0.9;
-/// Poses of the search region whose mean light says what an exposure is.
+/// Number of poses in the search region whose mean light defines an exposure.
 constexpr int kTypicalPoses = 64;
 
 int gate_bins(const Scene& scene, const HistogramCube& light) {
@@ -131,7 +131,7 @@ Capture make_capture(const Scene& scene, const ForwardModel& model, const PoseVe
                   "accepted: a pose that some exposure can show");
     }
     exposures = *budget.third_bounce_photons / counts;
-    // A background that the scene states is what its fit will assume.
+    // A background that the scene states is kept, because the fit will assume it.
     if (scene.linear.ambient != LinearMode::fixed) {
       linear.ambient = budget.background_ratio * linear.amplitude * equal_ambient(scene, light);
     }

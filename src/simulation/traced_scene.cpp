@@ -28,8 +28,8 @@ NpyArray read_array(const NpzFile& file, const std::string& path, const std::str
   return array;
 }
 
-/// The scene's unknowns with its first object at x, y, z (m), yaw (degrees), the others moved
-/// along.
+/// The scene's unknowns if its first object is at x, y, z (m) and yaw (degrees). The other objects
+/// move along.
 PoseVector pose_at(const Scene& scene, const double* at) {
   std::vector<Placement> placements = stated_placements(scene);
   const Eigen::Vector3d moved = Eigen::Vector3d(at[0], at[1], at[2]) - placements.front().position;
@@ -123,7 +123,7 @@ TracedCaptures::TracedCaptures(const Scene& scene, TracedScene traced,
   ambient_ = linear.ambient;
   for (std::size_t i = 0; i < poses(); ++i) {
     expected_.push_back(expected_counts(scene_, object_light(traced_, i), own, linear));
-    // The tracer's noise about a mean of zero.
+    // Values below zero are the tracer's noise about a mean of zero.
     for (double& value : expected_.back().values) value = std::max(value, 0.0);
   }
 }

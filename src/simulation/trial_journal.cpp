@@ -29,11 +29,11 @@ constexpr const char* kHeader =
     "statements:occupied:probability in ten bins,mean_speed_m_per_s near a "
     "corner,risk,present,impact_m_per_s,"
     "hardest_braking_m_per_s2,program\n";
-/// Of studies with a corner, after all the others.
+/// Column of tables of studies with a corner. Only the costs come after it.
 constexpr const char* kCornerColumn = ",mean_speed_m_per_s";
-/// Of the tables, last of all.
+/// Last columns of the tables.
 constexpr const char* kCostColumns = ",risk,present,impact_m_per_s,hardest_braking_m_per_s2";
-/// In the journal, for the drive file's risk.
+/// Stands in the journal for the drive file's risk.
 constexpr const char* kOwnRisk = "-";
 
 /// Digits that give the same number back.
@@ -58,13 +58,14 @@ void parse_costs(std::span<const std::string> cells, TrialResult& result) {
   result.hardest_braking = std::stod(cells[3]);
 }
 
-/// Throws std::exception for a line that is none.
+/// Throws std::exception for a line that is no result.
 TrialResult parse(const std::string& line) {
   std::vector<std::string> cells;
   std::stringstream stream(line);
   for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
   TrialResult result;
-  // Numbers begin with no letter; journals of earlier versions do not name the program.
+  // The program's name begins with a letter, numbers do not. Journals of earlier versions do not
+  // name it.
   if (!cells.empty() && !cells.back().empty() &&
       std::isalpha(static_cast<unsigned char>(cells.back().front())) != 0) {
     result.program = cells.back();
@@ -132,7 +133,8 @@ void check_study(const std::string& path, const std::string& study) {
                         " differ); accepted: the same one, or another directory");
 }
 
-/// Cells of a table; empty where nothing was measured, and the risk where it is the drive file's.
+/// Cells of kCostColumns. All are empty if nothing was measured, and the risk also if it is the
+/// drive file's.
 std::string costs(const TrialResult& result) {
   if (!result.with_costs) return ",,,,";
   std::array<char, 32> risk{};

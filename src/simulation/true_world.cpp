@@ -52,7 +52,7 @@ TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed, std::optional<doubl
       velocity_[i][axis] = drawn(velocity_[i][axis], drive.truth.velocity_upper[i][axis], random);
     }
   }
-  // Drawn in any case, and last: the rest of the world is the same with and without an error.
+  // Drawn in any case, so that the rest of the world is the same with and without an error.
   std::normal_distribution<double> normal;
   for (double& offset : offset_) offset = drive.vehicle.localization_sigma * normal(random);
   turn_ = drive.vehicle.localization_yaw_sigma * normal(random);
@@ -76,7 +76,8 @@ TrueWorld::TrueWorld(const Drive& drive, std::uint64_t seed, std::optional<doubl
   }
 }
 
-/// As far before a meeting as the vehicle goes until then, on its heading's line.
+/// The start that the drive states. Before a meeting: as far before its point, along the vehicle's
+/// heading, as the vehicle goes until then.
 Eigen::Vector2d TrueWorld::vehicle_start() const {
   const DriveVehicle& vehicle = drive_.vehicle;
   const auto& meeting = drive_.truth.meeting;

@@ -15,10 +15,11 @@ namespace {
 
 const char* const kTheme = "Wrong assumptions";
 constexpr int kCaptures = 10;
-/// The 99.9 % region of two unknowns.
+/// Squared distance at the border of the 99.9 % region of two unknowns.
 constexpr double kOutside = 13.8;
 
-/// Poses over the search region, on a line that meets no symmetry of the scene.
+/// The scene at the i-th of several poses over the search region. They lie on a line that meets no
+/// symmetry of the scene.
 Scene posed(const Scene& scene, int i) {
   Scene at = scene;
   for (std::size_t u = 0; u < at.unknowns.size(); ++u) {
@@ -52,9 +53,9 @@ Scene with_sphere(double radius) {
   return scene;
 }
 
-/// How many flags are missing of those that the light's own misfit makes due. The misfit is that of
-/// captures without noise; a deviance is flagged three of its standard deviations above what is
-/// expected.
+/// How many flags are missing, of those that the misfit of the light makes due, in standard
+/// deviations. The misfit is the deviance of a capture without noise. A deviance is flagged if it
+/// is three of its standard deviations above the expected one.
 StabilityMeasurement missing_flags(const Scene& truth, const Scene& assumed, double photons) {
   const Fitter fitter(assumed, without_empty_captures());
   double due = 0, variance = 0;
@@ -64,7 +65,7 @@ StabilityMeasurement missing_flags(const Scene& truth, const Scene& assumed, dou
     const Capture capture = photon_capture(real, photons, 1, seed_of(i));
     const FitResult result = fitter.fit(capture);
     flagged += warned(result) ? 1 : 0;
-    // The same without noise: what is left of the deviance is the misfit.
+    // The same capture without noise: what is left of its deviance is the misfit.
     const auto model = make_reference_renderer(real, sensor_placement(real));
     const HistogramCube light = model->three_bounce(stated_pose(real));
     Capture still = capture;
@@ -80,7 +81,7 @@ StabilityMeasurement missing_flags(const Scene& truth, const Scene& assumed, dou
           std::to_string(flagged) + " of 10 flagged, due " + std::to_string(due)};
 }
 
-/// `what`: what is fitted as something else.
+/// `what` says which object is fitted as something else.
 StabilityRow misfit_row(const std::string& name, const std::string& what, const Scene& truth,
                         const Scene& assumed) {
   return {name,
@@ -96,7 +97,7 @@ StabilityRow misfit_row(const std::string& name, const std::string& what, const 
           [truth, assumed] { return missing_flags(truth, assumed, 100'000); }};
 }
 
-/// Whether a fit that nothing warns says what could be wrong with it.
+/// Number of wrong fits with no flag, and with no hint at the time zero either.
 StabilityMeasurement time_zero_hint_missing() {
   Scene truth = nine_zone_scene();
   truth.linear.direct = LinearMode::fixed;

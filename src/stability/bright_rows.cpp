@@ -15,11 +15,12 @@ namespace {
 
 const char* const kTheme = "Bright captures";
 constexpr int kPoses = 20;
-/// Twice as dense as usual: the reference renderer's own light is 0.2 to 0.5 % off where the
-/// partition cuts through it, and then a fifth of that.
+/// Sampling twice as dense as usual. With the usual one, the reference renderer's light is 0.2 to
+/// 0.5 % off where the partition cuts through it. Twice the density leaves a fifth of that.
 constexpr double kSampling = 2;
 
-/// As tmf8828_wall: a partition hides some of the plate in some poses; x, y, z and yaw are unknown.
+/// Like tmf8828_wall: a partition hides some of the plate in some poses; x, y, z and yaw are
+/// unknown.
 Scene bright_scene() {
   Scene scene = partitioned_scene({0.635, 0.02, 2}, {0.0175, 0.22, 0});
   scene.unknowns = {{Component::x, 0.15, 0.38, std::nullopt},
@@ -29,7 +30,7 @@ Scene bright_scene() {
   return scene;
 }
 
-/// Poses from the prior and their light, made once.
+/// Poses drawn from the prior, and their light. Made once.
 struct BrightPoses {
   Scene scene = bright_scene();
   std::vector<PoseVector> poses;
@@ -53,7 +54,7 @@ const BrightPoses& bright_poses() {
   return all;
 }
 
-/// Largest of the squared distances of the truth from the nearest mode.
+/// Largest squared distance of a true pose from the nearest mode of its fit.
 StabilityMeasurement largest_distance(double photons) {
   const BrightPoses& bright = bright_poses();
   const Fitter fitter(bright.scene, without_empty_captures());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Scenes and comparisons that rows share.
+/// Scenes and comparisons that the rows share.
 #pragma once
 
 #include <functional>
@@ -17,14 +17,14 @@ namespace blindcorner {
 /// its left. 128 bins of 100 ps, Gaussian pulse of 150 ps. Unknown: x and y of the plate.
 Scene wall_scene();
 
-/// The same seen by 3 x 3 zones of 10 degrees each.
+/// The wall scene seen by 3 x 3 zones of 10 degrees each.
 Scene nine_zone_scene();
 
-/// Nine zones and a partition, a box of that size about its middle, m, that hides some of the
-/// plate.
+/// The scene of nine zones with a partition that hides some of the plate: a box of `size` about
+/// `middle`, m.
 Scene partitioned_scene(const Eigen::Vector3d& size, const Eigen::Vector3d& middle);
 
-/// One that hides much: it leaves 0.2 m to the wall.
+/// A partitioned scene in which much is hidden: the partition leaves 0.2 m to the wall.
 Scene occluded_scene();
 
 /// The scene with all lengths and times multiplied.
@@ -33,7 +33,7 @@ Scene scaled(const Scene& scene, double factor);
 /// The scene with everything in it moved, m.
 Scene moved(const Scene& scene, const Eigen::Vector3d& by);
 
-/// The scene's pose as it states it.
+/// The pose that the scene states.
 PoseVector stated_pose(const Scene& scene);
 
 HistogramCube fast_light(const Scene& scene);
@@ -43,22 +43,23 @@ double total(const HistogramCube& light);
 /// Relative L2 difference of two cubes; infinite where their sizes differ.
 double relative_difference(const HistogramCube& got, const HistogramCube& want);
 
-/// A capture of the stated pose with so many expected three-bounce photons, light from the
-/// reference renderer.
+/// A capture of the stated pose with `photons` expected three-bounce photons. The light comes from
+/// the reference renderer.
 Capture photon_capture(const Scene& scene, double photons, double background_ratio,
                        std::uint64_t seed);
 
-/// For fits of which no question is about false alarms.
+/// Options for fits whose false-alarm probability does not matter.
 FitOptions without_empty_captures();
 
-/// Smallest squared distance of a pose from a mode, by the mode's covariance; no number without
+/// Smallest squared distance of a pose from a mode, by the mode's covariance. NaN if there are no
 /// modes.
 double mode_distance(const Scene& scene, const PoseMixture& posterior, const PoseVector& pose);
 
-/// Whether a fit holds anything that is not a number, or a covariance that is none.
+/// Whether all values of a fit are finite and in their ranges, and the modes' covariances are
+/// valid.
 bool is_sound(const Scene& scene, const FitResult& result);
 
-/// 0 where the action throws a clear error (one line that says what is accepted), else 1.
+/// 0 if the action throws a clear error (one line that says what is accepted), else 1.
 StabilityMeasurement refusal(const std::function<void()>& action);
 
 }  // namespace blindcorner

@@ -18,12 +18,12 @@ namespace {
 
 const char* const kDriving = "Vehicles and planner";
 const char* const kTracking = "Tracker";
-/// The default one.
+/// The default tolerance.
 constexpr IntegratorTolerance kTolerance;
 /// Full braking, rolling, throttle, m/s^2.
 constexpr std::array kAccelerations{-9.0, 0.0, 4.0};
 
-/// Where a car is after one second of full braking or throttle while it steers.
+/// Where a car that steers is after one second at this acceleration.
 Eigen::Vector2d driven(double speed, double acceleration, double steering, double step,
                        const IntegratorTolerance& tolerance = kTolerance) {
   Vehicle car(make_vehicle_model("car"), make_stiff_integrator(tolerance));
@@ -55,8 +55,8 @@ StabilityRow steps_row(const std::string& name, double speed) {
           [=] { return steps_agree(speed); }};
 }
 
-/// Largest difference of the place from that with a tolerance of 1e-12, over a thousand times the
-/// tolerance.
+/// Largest difference of the place from the place at a tolerance of 1e-12, divided by a thousand
+/// times the tolerance.
 StabilityMeasurement tolerances() {
   double worst = 0;
   for (const double acceleration : kAccelerations) {
@@ -76,7 +76,7 @@ StabilityMeasurement standing() {
   return {car.state().position.norm(), ""};
 }
 
-/// Whether a path is found where there is one and refused by its status where there is none.
+/// 0 if the planner finds a path where there is one, and refuses by its status where there is none.
 StabilityMeasurement planned(const GridGeometry& geometry, double occupancy, double from, double to,
                              bool expected) {
   PathPlanner planner(PathPlannerOptions::robot());
@@ -104,7 +104,7 @@ StabilityRow plan_row(const std::string& name, const std::string& what, int cell
           [=] { return planned(geometry, occupancy, from, to, expected); }};
 }
 
-/// An object on a floor whose light shows its place with 5 cm, or nothing.
+/// An object on a floor. The light of a frame shows its place to 5 cm, or nothing.
 Scene floor_scene() {
   Scene scene;
   scene.unknowns = {{Component::x, -4, 4, std::nullopt}, {Component::y, -4, 4, std::nullopt}};
@@ -146,7 +146,7 @@ class EmptyFrame final : public FrameLikelihood {
   void describe(const Eigen::VectorXd& /*at*/, FitResult& /*result*/) const override {}
 };
 
-/// Squared distance of the place from the heaviest mode by its covariance.
+/// Squared distance of the place from the heaviest mode, by the mode's covariance.
 double distance(const TrackPoint& point, const Eigen::Vector2d& place) {
   if (point.modes.empty()) return std::nan("");
   const Gaussian& state = point.modes.front().state;

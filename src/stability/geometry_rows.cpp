@@ -30,9 +30,9 @@ Scene with_plate(const Eigen::Vector3d& position, double yaw_deg, double edge) {
 /// Whether the object's light reaches the sensor.
 enum class Seen { yes, no };
 
-/// Bins of both models, and of the direct return, that are no light: negative or not finite; and
-/// those that are lit where nothing can be seen. No number where there is no light and some is due:
-/// dark bins would pass whatever they were asked.
+/// Number of bad bins: bins of either model or of the direct return that are negative or not
+/// finite, and bins that are lit where nothing can be seen. NaN if light is due and there is none,
+/// because dark bins would pass any test.
 StabilityMeasurement bad_bins(const Scene& scene, Seen seen) {
   const auto model = make_fast_model(scene, sensor_placement(scene));
   const HistogramCube fast = model->three_bounce(stated_pose(scene));
@@ -75,16 +75,17 @@ Scene grazing_scene(double degrees) {
   return scene;
 }
 
-/// Light of the plate by a wall that the sensor all but lies in, against the limit in which the
-/// half of the zone that meets the wall does so at the sensor itself: all of it goes there, to the
-/// plate, back to the same place and into that half again. Both models, the larger difference.
+/// The plate's light by a wall in whose plane the sensor almost lies, compared with a limit: the
+/// relative difference, for the worse of the two models. In the limit, the half of the zone that
+/// meets the wall does so at the sensor itself. All light then goes from there to the plate, back
+/// to the same place, and into that half of the zone again.
 StabilityMeasurement grazing_limit() {
   const Scene scene = grazing_scene(89.99);
   const double half_zone = 10 * kDegree * 2 * std::sin(5 * kDegree) / 2;  // sr
   const Placement& plate = scene.hidden.placement;
   const Eigen::Vector3d facing(std::cos(plate.yaw), std::sin(plate.yaw), 0);
   const Eigen::Vector3d along(-facing.y(), facing.x(), 0);
-  constexpr int kCells = 20;  // an edge; 1 cm, of a distance of half a metre
+  constexpr int kCells = 20;  // along an edge: cells of 1 cm at a distance of half a metre
   const double cell = 0.2 / kCells;
   double sum = 0;
   for (int i = 0; i < kCells; ++i) {
@@ -107,7 +108,7 @@ StabilityMeasurement outside_gate() {
   return {total(fast_light(scene)) + total(reference_light(scene)), ""};
 }
 
-/// Light of a plate of 1 mm against that of one of 2 mm, by area.
+/// Relative difference of the light of a 1 mm plate from that of a 2 mm plate, by area.
 StabilityMeasurement small_plate() {
   const Eigen::Vector3d place(0.2, 0.5, 0.1);
   const double one = total(fast_light(with_plate(place, -50, 1e-3)));
@@ -115,7 +116,8 @@ StabilityMeasurement small_plate() {
   return {std::abs(4 * one / two - 1), ""};
 }
 
-/// A square of 0.2 m, n x n cells of two triangles, and as many triangles without area.
+/// A square of 0.2 m in n x n cells of two triangles each. If `degenerate`, as many triangles
+/// without area are added.
 std::shared_ptr<const TriangleMesh> square(int n, bool degenerate) {
   std::vector<Eigen::Vector3d> vertices;
   std::vector<std::array<int, 3>> triangles;
@@ -142,7 +144,7 @@ HistogramCube mesh_light(const std::shared_ptr<const TriangleMesh>& mesh) {
   return fast_light(scene);
 }
 
-/// A ball of about `count` triangles: of all bodies the one whose convexity is the most to prove.
+/// A ball of about `count` triangles. Of all bodies, its convexity takes the most work to prove.
 std::shared_ptr<const TriangleMesh> ball(int count) {
   const int rings = static_cast<int>(std::sqrt(count / 4.0)), around = 2 * rings;
   std::vector<Eigen::Vector3d> vertices{{0, 0, 1}};
@@ -169,7 +171,8 @@ std::shared_ptr<const TriangleMesh> ball(int count) {
   return make_mesh(vertices, triangles);
 }
 
-/// A ball squeezed to a needle: each triangle is a hundred thousand times as long as wide.
+/// Processor time for a ball squeezed to a needle: its triangles are up to 100,000 times as long as
+/// wide.
 StabilityMeasurement needle_mesh() {
   const auto round = ball(5000);
   std::vector<Eigen::Vector3d> vertices = round->vertices;

@@ -83,7 +83,7 @@ void set_range(FitCase& c, std::size_t unknown, double half) {
   u.upper = value + half;
 }
 
-/// Error of central differences at the best of the steps between, and at the default one.
+/// Largest error of central differences over all steps, relative to the error allowed for the step.
 StabilityMeasurement difference_steps_row() {
   const Scene scene = wall_scene();
   const auto model = make_fast_model(scene, sensor_placement(scene));
@@ -94,8 +94,8 @@ StabilityMeasurement difference_steps_row() {
     const DerivativeErrors errors =
         derivative_errors(*model, stated_pose(scene), unknown, steps, 1e-3);
     for (std::size_t i = 0; i < steps.size(); ++i) {
-      // Rounding of the model (2e-8 of the light, which changes over about 5 cm: its legs are
-      // convolved in single precision) and truncation.
+      // Rounding and truncation. The model rounds at 2e-8 of the light, because its legs are
+      // convolved in single precision; the light changes over about 5 cm.
       const double allowed = 2e-8 * 0.05 / steps[i] + std::pow(steps[i] / 0.01, 2) + 1e-4;
       worst = std::max(worst, errors.errors[i] / allowed);
     }
@@ -110,7 +110,7 @@ StabilityMeasurement dead_zones() {
   return refusal([&] { fit(c.scene, capture, without_empty_captures()); });
 }
 
-/// Whether an unknown that nothing depends on is reported as open: 0 where it is.
+/// 0 if an unknown that nothing depends on is reported as open.
 StabilityMeasurement left_open(const FitCase& c, int unknown) {
   const FitResult result = fitted(c);
   if (result.posterior.modes.empty() || !is_sound(c.scene, result)) return {1, "no sound mode"};
@@ -129,8 +129,8 @@ StabilityMeasurement yaw_of_a_sphere() {
   return left_open(c, 2);
 }
 
-/// Size and brightness trade: the spread of log size must not fall below what the brightness' prior
-/// leaves of it.
+/// Size and brightness trade off. The standard deviation of the size must not fall below what the
+/// prior of the brightness leaves open.
 StabilityMeasurement size_against_brightness() {
   FitCase c;
   c.scene.hidden.shape = SphereShape{0.01};
@@ -157,8 +157,8 @@ struct Compiled {
   }
 };
 
-/// Distance between where descents from the corners of the search region end, the best of them, and
-/// where one from the truth does.
+/// Distance, in standard deviations, between the end of a descent from the truth and the best end
+/// of descents from the corners of the search region.
 StabilityMeasurement starts_on_the_bounds() {
   const Compiled known;
   const auto& unknowns = known.scene.unknowns;
@@ -183,7 +183,7 @@ FitResult fitted_with_threads(const Scene& scene, const Capture& capture, std::s
   return fit(scene, capture);
 }
 
-/// Whether a whole fit, detection included, is the same with one thread and with 16.
+/// 0 if a whole fit, detection included, is the same with one thread and with 16.
 StabilityMeasurement same_fit() {
   const Scene scene = nine_zone_scene();
   const Capture capture = photon_capture(scene, 1000, 1, 5);
@@ -196,8 +196,8 @@ StabilityMeasurement same_fit() {
   return {same ? 0.0 : 1.0, ""};
 }
 
-/// The same capture fitted at the origin and far from it: how far the poses differ, the way taken
-/// off, in standard deviations.
+/// Fits the same capture at the origin and far from it. Returns how far the poses differ after the
+/// move is taken off, in standard deviations.
 StabilityMeasurement fit_moved(double distance) {
   const Scene scene = occluded_scene();
   const Eigen::Vector3d by(distance, -0.7 * distance, 0.4 * distance);
@@ -225,8 +225,8 @@ StabilityRow fit_moved_row(const std::string& name, double distance) {
           [=] { return fit_moved(distance); }};
 }
 
-/// Counts without ambient light where the scene fixes it at 0: photons in bins in which neither
-/// the object nor the known surfaces put light.
+/// Photons in bins that neither the object nor the known surfaces light, in a scene that fixes the
+/// ambient light at 0.
 StabilityMeasurement dark_bins_stay_dark() {
   Scene scene = wall_scene();
   scene.linear.ambient = LinearMode::fixed;

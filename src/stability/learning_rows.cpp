@@ -13,7 +13,7 @@ namespace {
 
 const char* const kCalibration = "Calibration";
 const char* const kTraining = "Training of the network";
-/// Bright enough that one capture says something of every parameter that it can.
+/// Bright enough that one capture says something about every parameter that it can tell.
 constexpr double kPhotons = 30'000;
 
 /// Captures of the scene's own pose, which differ by their photons.
@@ -26,8 +26,8 @@ std::vector<Capture> captures_of_one_pose(const Scene& scene, int count) {
   return captures;
 }
 
-/// Largest distance of a parameter from the truth, which the scene states, in standard errors;
-/// infinite where a value or an error is none, or an error above what was known before.
+/// Largest distance of a parameter from the truth, which the scene states, in standard errors.
+/// Infinite if a value or an error is not finite, or an error is larger than what was known before.
 StabilityMeasurement calibrated(int count) {
   const Scene scene = nine_zone_scene();
   CalibrationOptions options;
@@ -61,9 +61,9 @@ StabilityRow calibration_row(const std::string& name, const std::string& what, i
           [=] { return calibrated(count); }};
 }
 
-/// Answers of a network trained on so many copies of one capture that are not within the ranges of
-/// the unknowns, over a capture of its own and one of another place; 0 where it cannot be trained
-/// here.
+/// Number of a network's answers that are outside of the ranges of the unknowns. The network is
+/// trained on `copies` copies of one capture, and answers for that capture and for one of another
+/// place. 0 if this build cannot train.
 StabilityMeasurement trained(int copies, double learning_rate) {
   if (!CnnBaseline::available()) return {0, "built without libtorch"};
   Scene scene = wall_scene();

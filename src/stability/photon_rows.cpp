@@ -10,7 +10,7 @@ namespace blindcorner {
 namespace {
 
 const char* const kTheme = "Random counts";
-/// Bins that share one mean: enough for moments.
+/// Bins that share one mean: enough to measure moments.
 constexpr int kBins = 20'000;
 
 /// One zone whose bins all expect `mean`.
@@ -27,7 +27,8 @@ struct Flat {
   HistogramCube draw(double exposures) const { return draw_counts(scene, expected, exposures, 7); }
 };
 
-/// Mean and variance of the drawn bins against Poisson's, in standard errors, the larger one.
+/// How far the mean and the variance of the drawn bins are from Poisson's, in standard errors: the
+/// larger one.
 StabilityMeasurement poisson_moments(double mean) {
   const HistogramCube drawn = Flat(kBins, mean, 0).draw(1);
   double sum = 0, square = 0;
@@ -53,7 +54,8 @@ StabilityRow moments_row(const std::string& name, double mean) {
           [=] { return poisson_moments(mean); }};
 }
 
-/// Light that every second cycle catches in the first bin, and half of the rest in the next.
+/// Largest deviation of a bin, in standard deviations. The light is such that every second cycle
+/// catches a photon in the first bin, and half of the free cycles do in each further bin.
 StabilityMeasurement piled_up(double exposures) {
   const double cycles = 1000;
   Flat flat(8, 0, cycles);

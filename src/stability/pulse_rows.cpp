@@ -15,8 +15,8 @@ namespace {
 
 const char* const kTheme = "Pulses, bins and zones";
 
-/// The wall scene with another pulse and time axis. Time zero lies six sigma in, so that the whole
-/// pulse of any path is on the axis.
+/// The wall scene with another pulse and time axis. Time zero lies six sigma after the start of the
+/// axis, so that the whole pulse of any path is on the axis.
 Scene with_axis(double sigma, double bin_width, int bins) {
   Scene scene = wall_scene();
   scene.sensor.response = ImpulseResponse(GaussianResponse{sigma});
@@ -34,7 +34,7 @@ double peak(const HistogramCube& light) {
   return *std::max_element(light.values.begin(), light.values.end());
 }
 
-/// Difference of the light in all bins from that of the usual axis, relative.
+/// Relative difference of the light in all bins from that on the usual axis, for the worse model.
 StabilityMeasurement energy_kept(const Scene& scene) {
   const double want = total(fast_light(wall_scene()));
   const double fast = total(fast_light(scene)), reference = total(reference_light(scene));
@@ -53,7 +53,7 @@ StabilityRow energy_row(const std::string& name, const std::string& what, double
           [=] { return energy_kept(with_axis(sigma, bin_width, bins)); }};
 }
 
-/// Lowest bin over the brightest, turned positive, of both models.
+/// The most negative bin over the brightest one, turned positive, for the worse of both models.
 StabilityMeasurement negative_light(const Scene& scene) {
   const HistogramCube fast = fast_light(scene), reference = reference_light(scene);
   if (!(peak(fast) > 0) || !(peak(reference) > 0)) return {std::nan(""), "no light"};
@@ -86,7 +86,8 @@ StabilityMeasurement same_bytes() {
   return {same ? 0.0 : 1.0, ""};
 }
 
-/// One zone of 30 degrees against n x n that tile it; the zones' solid angles add up.
+/// Relative difference of the light of n x n zones from that of one zone of 30 degrees which they
+/// tile. The zones' solid angles add up.
 StabilityMeasurement zones_add_up(int n) {
   const auto tiled = [](int count) {
     Scene scene = wall_scene();

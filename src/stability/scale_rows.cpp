@@ -17,7 +17,7 @@ HistogramCube direct_light(const Scene& scene) {
   return make_fast_model(scene, sensor_placement(scene))->static_background();
 }
 
-/// Largest of the relative differences of a scaled scene's bins, times factor^2, from the scene's.
+/// Relative difference (L2) of a scaled scene's bins, times factor^2, from the scene's bins.
 StabilityMeasurement scale_invariance(Light light, double factor) {
   HistogramCube big = light(scaled(wall_scene(), factor));
   for (double& value : big.values) value *= factor * factor;

@@ -11,8 +11,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// The upright rectangle between the tangents from the point to the cylinder's side; what its caps
-/// hide besides, seen from above or below, is left out.
+/// The upright rectangle between the tangents from the point to the cylinder's side. What the caps
+/// hide beyond it, seen from above or below, is left out.
 std::vector<Vector3d> side_seen_from(const Vector3d& point, const Vector3d& center, double radius,
                                      double half_height) {
   Vector3d way = center - point;
@@ -64,7 +64,7 @@ class Cylinder final : public RoundGeometry {
                           2 * kPi * radius_ / around * half_ * z.weight});
       }
     }
-    // Caps: equal squares of the radius have equal areas.
+    // Caps: equal steps of the squared radius have equal areas.
     for (const double side : {1.0, -1.0}) {
       for (const QuadraturePoint& square : rule_along(radius_, spacing.across)) {
         const double r = radius_ * std::sqrt(0.5 * (1 + square.position));
@@ -119,7 +119,7 @@ class Cylinder final : public RoundGeometry {
     }
   }
 
-  /// Rings of equal width, each sector with its own area.
+  /// Adds the cells of one ring of a cap, one for each sector. All rings have the same width.
   void add_cap_ring(double side, double inner, double outer, int sectors,
                     std::vector<SurfaceCell>& cells) const {
     // Centroid of an annular sector.
@@ -139,7 +139,7 @@ class Cylinder final : public RoundGeometry {
     }
   }
 
-  double radius_, height_, half_;  ///< m, the last half the height
+  double radius_, height_, half_;  ///< m; half_ is half the height
 };
 
 }  // namespace

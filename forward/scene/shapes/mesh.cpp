@@ -14,8 +14,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Share of the body's size by which a vertex of a convex body may stand out of a face: rounding of
-/// files with single precision.
+/// Share of the body's size by which a vertex of a convex body may stand out of a face. It allows
+/// for the rounding of files with single precision.
 constexpr double kConvexTolerance = 1e-6;
 
 void check(const TriangleMesh& mesh) {
@@ -59,8 +59,8 @@ bool is_closed(const TriangleMesh& mesh) {
   });
 }
 
-/// Vertices in boxes within boxes: whether one lies beyond a plane costs a walk to where the plane
-/// comes near, not a look at each.
+/// Vertices in nested boxes. To find a vertex beyond a plane, only the boxes that reach beyond the
+/// plane are searched.
 class VertexTree {
  public:
   explicit VertexTree(std::vector<Vector3d> vertices) : vertices_(std::move(vertices)) {
@@ -85,7 +85,7 @@ class VertexTree {
   struct Node {
     Eigen::AlignedBox3d box;
     std::size_t begin = 0, end = 0;
-    std::size_t second = 0;  ///< the first part follows its parent; 0: a leaf
+    std::size_t second = 0;  ///< node of the second part; the first follows its parent; 0: a leaf
   };
 
   void divide(std::size_t begin, std::size_t end) {
@@ -122,8 +122,9 @@ bool is_convex_body(const TriangleMesh& mesh) {
   });
 }
 
-/// Triangle a, b, c as a cell: half edges of the parallelogram with the same second moments,
-/// (s s' / 24 + d d' / 8) with s the sum and d the difference of two edges.
+/// Triangle a, b, c as a cell. Its half edges u, v are those of the parallelogram with the same
+/// second moments: u u' + v v' = s s' / 24 + d d' / 8, with s the sum and d the difference of two
+/// edges.
 SurfaceCell triangle_cell(const Vector3d& a, const Vector3d& b, const Vector3d& c) {
   const Vector3d e = b - a;
   const Vector3d f = c - a;
@@ -136,8 +137,8 @@ SurfaceCell triangle_cell(const Vector3d& a, const Vector3d& b, const Vector3d& 
   return cell;
 }
 
-/// Visits the corners of the parts of a triangle, n^2 equal ones like itself, as many as keep its
-/// longest edge's parts within `most`.
+/// Divides a triangle into n^2 equal parts similar to it and visits the corners of each part. n is
+/// the least number that keeps the parts of the longest edge within `most`.
 template <typename Visit>
 void visit_parts(const Corners& t, double most, const Visit& visit) {
   const double longest = std::max({(t.b - t.a).norm(), (t.c - t.b).norm(), (t.a - t.c).norm()});
@@ -170,7 +171,7 @@ class Mesh final : public ShapeGeometry {
   }
 
   std::vector<SurfaceCell> cells(double max_edge, int min_divisions) const override {
-    // An edge counts against the whole body's size: small triangles need not be divided.
+    // `min_divisions` refers to the whole body's size: small triangles need not be divided.
     const double most = std::min(max_edge, 2 * mesh_->radius / min_divisions);
     std::vector<SurfaceCell> cells;
     for (const auto& triangle : mesh_->triangles) {
@@ -185,7 +186,8 @@ class Mesh final : public ShapeGeometry {
     return cells;
   }
 
-  /// Middles of the lines from a triangle's centre to its corners: exact for degree 2.
+  /// Three points in each part: the middles of the lines from its centre to its corners. They are
+  /// exact for degree 2.
   std::vector<SurfacePoint> points(const PointSpacing& spacing) const override {
     const double edge = std::sqrt(3.0) * spacing.least();  // three points to a part of this edge
     std::vector<SurfacePoint> points;

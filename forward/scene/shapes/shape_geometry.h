@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What is asked of every shape.
+/// The interface that every shape implements.
 #pragma once
 
 #include <functional>
@@ -28,13 +28,14 @@ inline constexpr std::size_t kMaxOutline = 8;
 /// Flat faces that hide what lies behind a body, m, world.
 struct Silhouette {
   std::vector<Quad> faces;  ///< of flat shapes: the same wherever they are seen from
-  /// Of round shapes: corners of the flat convex outline that a point outside of the body sees, in
-  /// order, an even number of four to kMaxOutline; none from inside. Null for flat shapes.
+  /// For round shapes: the corners, in order, of the flat convex outline that a point outside of
+  /// the body sees. Their number is even, from four to kMaxOutline. From inside there are none.
+  /// Null for flat shapes.
   std::function<std::vector<Eigen::Vector3d>(const Eigen::Vector3d& point)> seen_from;
 };
 
-/// The answers of one shape, each in its own centred coordinates (m) unless it says otherwise. A
-/// shape gives them in one file of this folder; one that lacks an answer does not compile.
+/// Properties of one shape, in its own centred coordinates (m) unless a comment says otherwise.
+/// Each shape implements them in one file of this folder. A shape that lacks one does not compile.
 class ShapeGeometry {
  public:
   virtual ~ShapeGeometry() = default;
@@ -48,15 +49,15 @@ class ShapeGeometry {
   virtual bool convex() const = 0;
   /// Whether its faces reflect on both sides, else on the outer one only.
   virtual bool two_sided() const = 0;
-  /// Smallest turn about z that looks the same, rad; 0 where every turn does.
+  /// Smallest turn about z after which the shape looks the same, rad; 0 if every turn does.
   virtual double yaw_period() const = 0;
 
   /// Distance of the lowest point below the centre.
   virtual double depth() const = 0;
   /// Largest distance of a point of the shape from the point `below` metres under its centre.
   virtual double reach(double below) const = 0;
-  /// Half edges of the box about the centre and parallel to the world's axes that holds the shape
-  /// turned by `yaw` rad, by any yaw where none is given.
+  /// Half edges of a box that holds the shape turned by `yaw` rad. The box is centred on the shape
+  /// and parallel to the world's axes. Without `yaw`, it holds the shape at any yaw.
   virtual Eigen::Vector3d half_extents(std::optional<double> yaw) const = 0;
 
   /// Cells and points of `divide` and `quadrature`.

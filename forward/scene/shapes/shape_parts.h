@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What several shapes are made of.
+/// Parts that several shapes share.
 #pragma once
 
 #include <vector>

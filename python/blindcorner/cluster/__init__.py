@@ -7,8 +7,8 @@
     cluster.trials("scenes/street_trials_drive.json", 1200, Client("tcp://head:8786"), "out")
 
 One task is a chunk of captures or trials. Whatever the number of workers and the order in which they
-finish, the files are those of one machine. What is finished is in the directory's journal, on disk,
-before it counts: after a killed worker, a restarted scheduler, a full disk, the same call goes on
+finish, the files are those of one machine. Finished work counts only once it is in the directory's
+journal, on disk. After a killed worker, a restarted scheduler or a full disk, the same call goes on
 from there.
 """
 

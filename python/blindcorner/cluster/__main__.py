@@ -65,7 +65,8 @@ def client_of(arguments: argparse.Namespace) -> Iterator[Client]:
         return
     from distributed import LocalCluster
 
-    # A process for each worker, with one thread: two drives side by side waste less than one on two.
+    # A process for each worker, with one thread: two drives on a thread each waste less time than
+    # one drive on two threads.
     with LocalCluster(n_workers=arguments.workers, threads_per_worker=1,
                       dashboard_address=":0") as cluster, Client(cluster) as client:
         yield client

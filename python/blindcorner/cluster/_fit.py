@@ -29,7 +29,7 @@ _fitters: dict[str, Fitter] = {}
 
 def run_chunk(pid: int, key: str, scene: Scene, suited: _core.Suited, options: dict[str, Any],
               chunk: list[tuple[int, Captures]]) -> list[tuple[int, str]]:
-    """In a worker: the captures' entries of result.json."""
+    """Runs in a worker. Returns the captures' entries of result.json."""
     limit_threads(pid)
     fitter = _fitters.get(key)
     if fitter is None:
@@ -43,10 +43,11 @@ def run_chunk(pid: int, key: str, scene: Scene, suited: _core.Suited, options: d
 
 
 class Journal:
-    """Finished captures of a directory, a line each (``captures.jsonl``); ``fit.json`` says of what.
+    """Finished captures of a directory, a line each (``captures.jsonl``). ``fit.json`` says which
+    fits they belong to.
 
-    A chunk is on disk before the next one is written; a torn last line is dropped. One process at a
-    time. Without a directory, everything is kept in memory.
+    A chunk is on disk before the next one is written; a torn last line is dropped. Only one process
+    at a time may use a journal. Without a directory, everything is kept in memory.
     """
 
     def __init__(self, directory: Path | None, study: dict[str, Any]) -> None:
@@ -100,7 +101,8 @@ class Journal:
                 raise Error(f"{self._path}: row {row} is no result of a capture") from None
 
     def add(self, entries: Sequence[tuple[int, str]]) -> None:
-        """Adds finished captures durably; those that are there already are not added again."""
+        """Adds finished captures durably. Those that are in the journal already are not added
+        again."""
         new = [(place, text) for place, text in entries if place not in self.entries]
         if self._descriptor is not None and new:
             lines = "".join(f'{{"capture":{p},"result":{t}}}\n' for p, t in new).encode()
@@ -148,12 +150,11 @@ def fit(
 ) -> Results:
     """Each capture by itself, as :func:`blindcorner.fit_each`, on the workers of ``client``.
 
-    directory: where ``result.json`` goes, that of ``blindcorner fit SCENE CAPTURES -o DIRECTORY``
-        byte for byte but for ``time_ms`` and ``exact_evaluations``, which differ from run to run.
-        Finished captures are in ``captures.jsonl`` there before they count, so that the same call
-        goes on after anything.
-        None: in memory only.
-    chunk: captures of a task; 0: some ten tasks for each worker thread.
+    directory: where ``result.json`` goes. It is that of ``blindcorner fit SCENE CAPTURES -o
+        DIRECTORY`` byte for byte, except for ``time_ms`` and ``exact_evaluations``, which differ
+        from run to run. A finished capture counts only once it is in ``captures.jsonl`` there, so
+        that the same call goes on after any failure. None: in memory only.
+    chunk: captures of a task; 0: as many as give some ten tasks for each worker thread.
     progress: tell the dashboard's address, the rate and the time left on standard error.
     Options as for :class:`blindcorner.Fitter`. The results lack the histograms, which stay where they
     were fitted. Raises Error.
@@ -202,10 +203,10 @@ def sweep(
     progress: bool = True,
 ) -> dict[str, Results]:
     """The same captures fitted with several settings: ``settings[name]`` are options of
-    :class:`blindcorner.Fitter`. Each goes to ``directory/name`` as :func:`fit` writes it, and
-    ``directory/sweep.csv`` holds a row each: captures, failed, median and 90th percentile distance
-    of the heaviest mode from the truth (m, where known), mean presence probability. Goes on from what
-    is there. Raises Error."""
+    :class:`blindcorner.Fitter`. Each setting goes to ``directory/name`` as :func:`fit` writes
+    it. ``directory/sweep.csv`` holds a row for each setting: captures, failed, median and 90th
+    percentile distance of the heaviest mode from the truth (m, where known), mean presence
+    probability. The same call goes on from what is there. Raises Error."""
     for name in settings:
         if not name or Path(name).name != name or name in (".", ".."):
             raise Error(f'settings: found the name "{name}", accepted: names of folders')

@@ -26,11 +26,11 @@ except ImportError as missing:  # pragma: no cover
 
 Item = TypeVar("Item")
 
-#: Chunks that each worker thread has waiting: more would only fill the scheduler's memory.
+#: Chunks that wait for each worker thread. More would only fill the scheduler's memory.
 AHEAD = 3
 #: How long a scheduler that is gone may take to come back, s.
 PATIENCE = 600.0
-#: Between attempts to reach it, s.
+#: Time between attempts to reach it, s.
 RETRY = 1.0
 
 
@@ -39,7 +39,7 @@ class SchedulerLost(Exception):
     """The scheduler went away, and with it what it knew of tasks."""
 
 
-#: What a scheduler that is gone looks like when it is called.
+#: Exceptions that calls of a scheduler that is gone raise.
 UNREACHABLE = (CommClosedError, OSError, TimeoutError, asyncio.CancelledError)
 
 
@@ -95,8 +95,8 @@ def chunks(items: Sequence[Item], size: int) -> Iterator[list[Item]]:
 
 
 def limit_threads(pid: int) -> None:
-    """In a worker: as many threads of the library as the worker has for tasks. Not in the process
-    that asks, whose threads are its own business."""
+    """In a worker, gives the library as many threads as the worker has for tasks. Does nothing in
+    the process ``pid`` that asks, because that process sets its own number of threads."""
     if os.getpid() == pid:
         return
     try:
@@ -107,7 +107,7 @@ def limit_threads(pid: int) -> None:
 
 
 class Connection:
-    """A client, and the next one to the same scheduler when that was started again."""
+    """A client and, after the scheduler was started again, a new client to the same address."""
 
     def __init__(self, client: Client, shown: bool) -> None:
         self.client = client
@@ -138,7 +138,7 @@ class Connection:
         )
 
     def close(self) -> None:
-        """Closes a client that this made."""
+        """Closes the client if this object made it."""
         if self.own:
             self.client.close(timeout=2)
             self.own = False
@@ -156,9 +156,9 @@ def run_chunks(
 ) -> None:
     """Runs ``task(*arguments, chunk)`` for chunks of ``remaining()`` until nothing remains.
 
-    ``keep`` puts what a task returned on disk and says how many items it was. Tasks of a worker that
-    dies begin again on another one (Dask does that); where the scheduler itself was started again,
-    what still remains is handed out again. Raises what a task or ``keep`` raised.
+    ``keep`` puts what a task returned on disk, and returns the number of its items. Tasks of a
+    worker that dies begin again on another one (Dask does that). If the scheduler itself was
+    started again, what still remains is handed out again. Raises what a task or ``keep`` raised.
     """
     items = remaining()
     connection = Connection(client, progress)
@@ -207,7 +207,8 @@ def _run_once(client: Client, waiting: list[list[Any]], task: Callable[..., Any]
 
 
 def _value(future: Any) -> Any:
-    """What a task returned. Raises its Error; SchedulerLost where nobody knows the task any more."""
+    """What a task returned. Raises its Error, or SchedulerLost if nobody knows the task any
+    more."""
     if future.status == "error":
         error = future.exception()
         if isinstance(error, KilledWorker):

@@ -18,12 +18,12 @@ from .._drive import Drive
 from .._scene import PathLike
 from ._run import Client, limit_threads, run_chunks
 
-#: Between writings of the tables while trials go on, s.
+#: Time between writings of the tables while trials go on, s.
 TABLE_INTERVAL = 5.0
-#: Trials of a task, unless stated: a drive takes seconds.
+#: Trials of a task unless another number is stated. A drive takes seconds.
 CHUNK = 4
 
-#: drive, trials, perceptions, seed, error trials, light, weights: what a study is made from.
+#: drive, trials, perceptions, seed, error trials, light, weights. A study is made from these.
 Request = tuple[str, int, tuple[str, ...], int, int, float, tuple[str, ...]]
 
 
@@ -62,8 +62,8 @@ def _runner(request: Request) -> _core.TrialRunner:
 
 
 def run_chunk(pid: int, request: Request, study: str, trials: list[Any]) -> list[str]:
-    """In a worker: lines of the journal. Raises Error where the worker sees other files than the
-    process that asks."""
+    """Runs in a worker. Returns lines of the journal. Raises Error if the worker sees other files
+    than the process that asks."""
     limit_threads(pid)
     runner = _runner(request)
     if runner.study != study:
@@ -91,12 +91,12 @@ def trials(
     """``n`` drives of each perception, as ``blindcorner trials DRIVE -n N -o DIRECTORY``: the same
     trials.csv, errors.csv and pages, whatever the number of workers and their order.
 
-    All machines have to see the drive file, its scene and the weights under the same path. Finished
-    trials are in ``directory/journal.csv`` before they count, so that the same call goes on after
-    anything; a larger ``n`` adds to them. ``chunk``: trials of a task. ``light``: factor on the
-    laser's light, 0: the drive file's. ``replays``: failed trials of each perception to write pages
-    of. ``progress``: tell the dashboard's address, the rate and the time left on standard error.
-    Raises Error.
+    All machines have to see the drive file, its scene and the weights under the same path. A
+    finished trial counts only once it is in ``directory/journal.csv``, so that the same call goes
+    on after any failure; a larger ``n`` adds trials. ``chunk``: trials of a task. ``light``: factor
+    on the laser's light, 0: the drive file's. ``replays``: number of failed trials of each
+    perception that get a page. ``progress``: tell the dashboard's address, the rate and the time
+    left on standard error. Raises Error.
     """
     path = drive.path if isinstance(drive, Drive) else os.fspath(drive)
     if isinstance(drive, Drive) and not light:

@@ -25,8 +25,8 @@ LOCALHOST = "127.0.0.1"
 
 @contextlib.contextmanager
 def whole(path: str) -> Iterator[Path]:
-    """A place beside ``path``, of the same name; what was written there becomes ``path`` at the end,
-    and nothing is left of it after an error."""
+    """Gives a place of the same name in a directory beside ``path``. What was written there becomes
+    ``path`` at the end; after an error, nothing is left of it."""
     folder = Path(path).absolute().parent
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -45,7 +45,7 @@ def whole(path: str) -> Iterator[Path]:
 
 
 def refuse_bag(path: str) -> None:
-    """A bag is a directory, and not written over."""
+    """Raises Error if ``path`` exists: a bag is a directory, and is not written over."""
     if Path(path).exists():
         raise Error(f"{path}: is there already, accepted: a new directory")
 
@@ -63,7 +63,7 @@ def naming_of(arguments: argparse.Namespace, start_s: float) -> Naming:
 
 
 def drive_of(arguments: argparse.Namespace) -> tuple[Setting, list[Moment]]:
-    """A drive file is driven; a ``drive.json`` was."""
+    """Setting and moments of a drive file, which is driven, or of a ``drive.json``."""
     place = Path(arguments.input)
     if place.is_dir():
         place = place / "drive.json"
@@ -151,7 +151,8 @@ def recorded(arguments: argparse.Namespace, setting: Setting, moments: list[Mome
 
 @contextlib.contextmanager
 def live_lines(arguments: argparse.Namespace) -> Iterator[tuple[Iterable[str], str]]:
-    """Lines of a program that is started, of a file, or of standard input; and what they come from."""
+    """Lines of a program that is started, of a file, or of standard input, and the name of their
+    source."""
     if arguments.program:
         try:
             child = subprocess.Popen(arguments.program, stdout=subprocess.PIPE, text=True)
@@ -175,7 +176,8 @@ def live_lines(arguments: argparse.Namespace) -> Iterator[tuple[Iterable[str], s
 
 
 def live(arguments: argparse.Namespace) -> int:
-    """Publishes each answer as it arrives. Files hold what came until the end or Ctrl-C."""
+    """Publishes each answer as it arrives. Files hold the answers that came before the end or
+    Ctrl-C."""
     if not (arguments.serve or arguments.foxglove or arguments.ros2):
         raise Error("found nothing to write, accepted: --serve, --foxglove, --ros2")
     if arguments.ros2:

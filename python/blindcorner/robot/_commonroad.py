@@ -19,11 +19,11 @@ from .._scene import PathLike
 from ._moments import Floats, Moment, Setting
 from ._publish import needs
 
-#: What is lower is a kerb, which the vehicle drives over, m (docs/drive.md).
+#: A surface that is no higher is a kerb, which the vehicle drives over, m (docs/drive.md).
 KERB_M = 0.05
 #: Thickness of a wall that is seen edge-on, m: shapes of CommonRoad have an area.
 WALL_M = 0.02
-#: Numbers of the file: obstacles count up from the second.
+#: Numbers in the file. Those of obstacles count up from FIRST_OBSTACLE_ID.
 PROBLEM_ID, LANELET_ID, FIRST_OBSTACLE_ID = 1, 2, 100
 
 
@@ -117,7 +117,7 @@ class _Builder:
     # --- What stands and moves ---
 
     def _walls(self) -> list[Any]:
-        """Makers of the static obstacles, from their numbers."""
+        """Functions that make the static obstacles, given their numbers."""
         from commonroad.scenario.obstacle import ObstacleType
 
         return [
@@ -134,8 +134,8 @@ class _Builder:
         return lambda number: StaticObstacle(number, kind, shape, _initial(middle, yaw, 0.0))
 
     def _hidden(self) -> list[Any]:
-        """Makers of the hidden objects: dynamic obstacles, also those that stand, because static ones
-        have no kind."""
+        """Functions that make the hidden objects, given their numbers. Objects that stand are
+        dynamic obstacles too, because static ones have no kind."""
         truths = [m.truth for m in self.moments]
         if any(truth is None for truth in truths):
             return []
@@ -184,8 +184,8 @@ class _Builder:
         return PlanningProblemSet([PlanningProblem(PROBLEM_ID, start, GoalRegion([goal]))])
 
     def _goal(self) -> Any:
-        """The finish line or the last point, larger by the way of one step: the drive ends between
-        two frames."""
+        """The finish line or the last point, enlarged by the way of one step, because the drive
+        ends between two frames."""
         import shapely
         from commonroad.geometry.occupancy.circle_occupancy import CircleOccupancy
         from commonroad.geometry.occupancy.rect_occupancy import RectOccupancy
@@ -231,8 +231,8 @@ def _initial(position: Floats, yaw: float, speed: float) -> Any:
 
 
 def _shape(corners: Floats) -> tuple[Any, float]:
-    """A polygon, or a thin rectangle for two corners, and the yaw (rad) with which it lies as the
-    corners do, which are about the object's position."""
+    """The shape of corners that are relative to the object's position: a polygon, or a thin
+    rectangle for two corners. Also the yaw (rad) at which the shape lies as the corners do."""
     from commonroad.geometry.obstacle_shapes.polygon_obstacle_shape import PolygonObstacleShape
     from commonroad.geometry.obstacle_shapes.rect_obstacle_shape import RectObstacleShape
 
@@ -244,7 +244,7 @@ def _shape(corners: Floats) -> tuple[Any, float]:
 
 
 def _kind(name: str) -> Any:
-    """What CommonRoad calls an object of that name."""
+    """CommonRoad's type of obstacle for an object of that name."""
     from commonroad.scenario.obstacle import ObstacleType
 
     words = {"cycl": ObstacleType.BICYCLE, "bike": ObstacleType.BICYCLE,

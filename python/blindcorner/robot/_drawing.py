@@ -26,7 +26,7 @@ FAINTEST = 0.15
 LEAST_LABEL = 0.05
 #: How far below itself a level surface is drawn, m, so that a grid on it is seen.
 BELOW_M = 0.01
-#: Thickness of lines against the edge of a grid's cell.
+#: Thickness of lines as a share of the edge of a grid's cell.
 LINE_SHARE = 0.3
 
 

@@ -12,10 +12,10 @@ from .. import _core
 from .._scene import Scene
 from ._moments import Floats, Hypothesis
 
-#: Squared radius of the region that holds 95 % of a normal distribution in the plane: chi square with
-#: two degrees of freedom, -2 ln 0.05.
+#: Squared radius of the region that holds 95 % of a normal distribution in the plane: the quantile
+#: of chi-square with two degrees of freedom, -2 ln 0.05.
 CHI_SQUARE_95 = -2 * math.log(0.05)
-#: Rows and columns of a ROS covariance (x, y, z, roll, pitch, yaw) by the component of a pose.
+#: Row and column of a ROS covariance (x, y, z, roll, pitch, yaw) for each component of a pose.
 ROS_ROWS = {"x_m": 0, "y_m": 1, "z_m": 2, "yaw_rad": 5}
 
 
@@ -39,7 +39,7 @@ class Estimate:
         return float(major), float(minor), math.atan2(vectors[1, 1], vectors[0, 1])
 
     def ellipse_points(self, corners: int = 48) -> Floats:
-        """[corners, 2] the same as a polygon, m."""
+        """[corners, 2] the 95 % region as a polygon, m."""
         major, minor, angle = self.ellipse()
         turns = np.linspace(0, 2 * np.pi, corners, endpoint=False)
         along, across = major * np.cos(turns), minor * np.sin(turns)
@@ -49,8 +49,8 @@ class Estimate:
 
 
 def ros_covariance(unknowns: list[str], name: str, several: bool, covariance: Floats) -> Floats:
-    """[6, 6] of one object. What is not among the unknowns the scene states, or its model assumes
-    (objects stand upright): its variance is 0."""
+    """[6, 6] of one object. A component that is not among the unknowns has a variance of 0, because
+    the scene states it or the model assumes it (objects stand upright)."""
     picked, rows = [], []
     for i, unknown in enumerate(unknowns):
         owner, _, component = unknown.rpartition(".")
@@ -79,8 +79,8 @@ def estimates(scene: Scene, hypothesis: Hypothesis) -> list[Estimate]:
 
 
 def zone_points(scene: Scene, sensor: Floats) -> Floats:
-    """[zones, 3] where the middle of each zone meets the first known surface, m, in the map frame; NaN
-    where it meets none. ``sensor`` [4, 4] takes sensor coordinates to the map."""
+    """[zones, 3] points where the middle of each zone meets the first known surface, m, in the map
+    frame; NaN: it meets none. ``sensor`` [4, 4] takes sensor coordinates to the map."""
     axes = _core.zone_axes(scene._core) @ sensor[:3, :3].T
     surfaces = [triangles for _, _, _, triangles in _core.surfaces(scene._core)]
     distances = ray_distances(sensor[:3, 3], axes, np.concatenate(surfaces or [np.empty((0, 3, 3))]))
@@ -89,8 +89,8 @@ def zone_points(scene: Scene, sensor: Floats) -> Floats:
 
 
 def ray_distances(origin: Floats, axes: Floats, triangles: Floats) -> Floats:
-    """[rays] to the first of triangles [n, 3, 3] along unit vectors [rays, 3], m; NaN: none is met.
-    Moeller and Trumbore 1997, both sides."""
+    """[rays] distances to the first of the triangles [n, 3, 3] along unit vectors [rays, 3], m;
+    NaN: none is met. Moeller and Trumbore 1997, both sides."""
     if not len(triangles):
         return np.full(len(axes), np.nan)
     a, u, v = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
@@ -118,8 +118,8 @@ class ZoneScan:
 
 
 def zone_scan(scene: Scene, sensor: Floats, counts: Floats | None = None) -> ZoneScan | None:
-    """The middle row of zones (the lower of two); None where a zone's direction is not known. Zones
-    are evenly spaced to within what the tangent makes of their angles."""
+    """The middle row of zones (the lower of two). None: a zone's direction is not known. The scan's
+    step is constant; the zones' angles are evenly spaced but for the effect of the tangent."""
     columns = slice(scene.rows // 2 * scene.columns, (scene.rows // 2 + 1) * scene.columns)
     axes = _core.zone_axes(scene._core)[columns]
     if not np.isfinite(axes).all():

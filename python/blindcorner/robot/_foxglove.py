@@ -20,7 +20,7 @@ from ._estimates import zone_scan
 from ._moments import Floats, Moment, Setting
 from ._publish import Naming, half_turn, needs, stated
 
-#: What a stream of answers looks like, for Foxglove's plots and tables.
+#: JSON schema of the answers, for Foxglove's plots and tables.
 ANSWER_SCHEMA = {
     "type": "object",
     "title": "blindcorner.answer",
@@ -43,9 +43,9 @@ class Foxglove:
 
     def __init__(self, setting: Setting, naming: Naming = Naming(), *, file: PathLike | None = None,
                  host: str | None = None, port: int = 8765) -> None:
-        """``file``: MCAP, replaced if it is there. ``host``: where a WebSocket server listens
-        (127.0.0.1: viewers of this machine only); None: none does. ``port`` 0: any that is free.
-        Raises Error."""
+        """``file``: MCAP, replaced if it exists. ``host``: where a WebSocket server listens
+        (127.0.0.1: viewers of this machine only); None: there is no server. ``port`` 0: any that is
+        free. Raises Error."""
         try:
             import foxglove
             from foxglove import channels, messages
@@ -55,7 +55,7 @@ class Foxglove:
         self.setting = setting
         self.naming = naming
         self._m, self._channels = messages, channels
-        # A context of its own: several publishers of one process do not see each other's topics.
+        # With a context for each, several publishers of one process do not see each other's topics.
         self._context = foxglove.Context()
         self._json = foxglove.Channel
         self._open: dict[str, Any] = {}

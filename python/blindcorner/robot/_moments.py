@@ -21,9 +21,9 @@ from .._scene import PathLike, Scene, bundled
 
 Floats = NDArray[np.float64]
 
-#: Cells along the longer side of a grid that nobody asked for.
+#: About the most cells along the longer side of a grid whose cell size is not stated.
 GRID_CELLS = 100
-#: s between captures that say nothing of time.
+#: Time between captures that state no times, s.
 CAPTURE_INTERVAL_S = 1.0
 
 
@@ -32,7 +32,7 @@ class Hypothesis:
     """One explanation, a mode of the answer. Vectors follow the scene's unknowns, m, rad or 1."""
 
     weight: float  #: share of the posterior, given that there is an object
-    pose: Floats  #: [unknowns]; NaN: the mode does without that object
+    pose: Floats  #: [unknowns]; NaN: the mode leaves that object out
     covariance: Floats  #: [unknowns, unknowns]
 
 
@@ -90,12 +90,12 @@ class Grid:
 
     @classmethod
     def around(cls, scene: Scene, cell_m: float | None = None) -> Grid:
-        """The search region of a scene with its objects' bodies, and the sensor."""
+        """A grid that holds the search region of a scene, its objects' bodies, and the sensor."""
         corners = [scene.sensor_pose[:2, 3]]
         for end in (0, 1):
             for _, x, y, _, _, _, footprint, _ in _core.objects_at(
                     scene._core, np.ascontiguousarray(scene.bounds[:, end])):
-                # However it is turned.
+                # The body's reach, however the object is turned.
                 reach = np.linalg.norm(footprint - [x, y], axis=1).max()
                 corners += [np.array([x, y]) - reach, np.array([x, y]) + reach]
         lower, upper = np.min(corners, axis=0), np.max(corners, axis=0)
@@ -107,7 +107,7 @@ class Grid:
 
 
 def _round_up(value: float) -> float:
-    """The next of 1, 2, 5, 10, ... times a power of ten."""
+    """The value rounded up to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(max(value, 1e-3)))
     return next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-9))
 
@@ -116,8 +116,8 @@ class Setting:
     """What stays the same: scene, grid, and on a drive the vehicle's body and the sensor's mount."""
 
     def __init__(self, scene: Scene, drive: Drive | None = None, cell_m: float | None = None) -> None:
-        """``cell_m``: edge of a grid's cell, m; by default the drive's, or what gives some hundred
-        cells. Raises Error."""
+        """``cell_m``: edge of a grid's cell, m; by default the drive's, or one that gives up
+        to some hundred cells along the longer side. Raises Error."""
         self.scene = scene
         self.drive = drive
         if drive is not None and cell_m is None:
@@ -135,7 +135,7 @@ class Setting:
 
     @classmethod
     def of_drive(cls, drive: Drive) -> Setting:
-        """That of a drive file."""
+        """The setting of a drive file."""
         return cls(Scene.load(drive._core.scene_path), drive)
 
     def sensor(self, moment: Moment) -> Floats:
@@ -147,9 +147,9 @@ class Setting:
         return self.scene.sensor_pose
 
     def occupancy(self, moment: Moment) -> Floats | None:
-        """[rows, columns] probability that a cell is occupied, NaN where nothing is known: the
-        vehicle's own map where the moment has it, else what the answer says of hidden objects;
-        None without an answer. Raises Error for an answer that is none."""
+        """[rows, columns] probability that a cell is occupied, NaN where nothing is known. This is
+        the vehicle's own map if the moment has it, else what the answer says of hidden objects;
+        None without an answer. Raises Error for an invalid answer."""
         if moment.occupancy is not None:
             return moment.occupancy
         if moment.presence is None:
@@ -163,7 +163,8 @@ class Setting:
 
 
 def checked(moment: Moment, unknowns: int) -> Moment:
-    """The moment. Raises ValueError where its answer is none of a scene with so many unknowns."""
+    """Returns the moment. Raises ValueError if its answer does not suit a scene with this number of
+    unknowns."""
     if moment.presence is not None and not 0 <= moment.presence <= 1:
         raise ValueError(f"presence_probability: found {moment.presence}, accepted: 0 to 1")
     vectors = [mode.pose for mode in moment.modes] + ([] if moment.truth is None else [moment.truth])
@@ -206,7 +207,8 @@ def _of_frame(frame: Mapping[str, Any], **more: Any) -> Moment:
 
 
 def of_run(run: DriveRun) -> tuple[Setting, list[Moment]]:
-    """A drive that was simulated in this process, with the vehicle's own map and the histograms."""
+    """Setting and moments of a drive that was simulated in this process, with the vehicle's own map
+    and the histograms."""
     moments = []
     for i, frame in enumerate(run.frames):
         occupancy, counts = run._core.occupancy(i), run._core.counts(i)
@@ -217,8 +219,8 @@ def of_run(run: DriveRun) -> tuple[Setting, list[Moment]]:
 
 def of_drive_document(document: Mapping[str, Any], place: str,
                       drive: Drive | None = None) -> tuple[Setting, list[Moment]]:
-    """A ``drive.json``. It does not hold the scene: that is the drive file's, by default the bundled
-    one of that name. Raises Error."""
+    """Setting and moments of a ``drive.json``. It does not hold the scene, which is that of the
+    drive file, by default of the bundled one of that name. Raises Error."""
     name = document.get("drive", "")
     if drive is None:
         try:
@@ -249,8 +251,9 @@ def _what(error: Exception) -> str:
 
 
 def of_answer(entry: Mapping[str, Any], time_s: float, **more: Any) -> Moment:
-    """An element of ``captures`` of ``result.json`` (docs/result.md); ``more``: further fields of the
-    moment. Raises KeyError, TypeError or ValueError where it is none."""
+    """The moment of an element of ``captures`` of ``result.json`` (docs/result.md); ``more``:
+    further fields of the moment. Raises KeyError, TypeError or ValueError if the entry is no such
+    element."""
     notes = {name: entry[name] for name in ("frame", "skipped", "latency_ms", "source", "index")
              if entry.get(name) is not None}
     return Moment(time_s=time_s, presence=entry["presence_probability"],
@@ -260,8 +263,8 @@ def of_answer(entry: Mapping[str, Any], time_s: float, **more: Any) -> Moment:
 
 def of_results(document: Mapping[str, Any], place: str, scene: Scene | None = None,
                cell_m: float | None = None) -> tuple[Setting, list[Moment]]:
-    """A ``result.json``; of ``fit --track`` with its times, else a second from capture to capture.
-    ``scene``: by default the file that it names. Raises Error."""
+    """Setting and moments of a ``result.json``. Those of ``fit --track`` have their times, others
+    are a second apart. ``scene``: by default the file that it names. Raises Error."""
     scene = scene or Scene.load(document.get("scene", ""))
     _same_unknowns(place, document, scene)
     moments = []
@@ -277,8 +280,8 @@ def of_results(document: Mapping[str, Any], place: str, scene: Scene | None = No
 
 
 class LiveAnswers:
-    """Answers of ``blindcorner live`` from lines of JSON, as they arrive. A line that is none is
-    counted in ``bad_lines``; what the first one was, ``first_bad`` says."""
+    """Answers of ``blindcorner live`` from lines of JSON, as they arrive. A line that holds no
+    answer is counted in ``bad_lines``; ``first_bad`` says what was wrong with the first one."""
 
     def __init__(self, lines: Iterable[str], place: str = "standard input",
                  scene: Scene | None = None, cell_m: float | None = None) -> None:

@@ -20,7 +20,7 @@ class Naming:
     map_frame: str = "map"
     base_frame: str = "base_link"
     sensor_frame: str = "blindcorner_sensor"
-    start_ns: int = 0  #: of a moment at 0 s: ns since 1970, or since whatever clock is used
+    start_ns: int = 0  #: time of the moment at 0 s: ns since 1970, or since the used clock's zero
     #: Least probability of presence with which an object's pose is published.
     least_presence: float = 0.5
 
@@ -34,13 +34,13 @@ class Naming:
             raise Error(f"start: found {self.start_ns / 1e9:g} s, accepted: 0 to 2147483647 s")
 
     def topic(self, *parts: str) -> str:
-        """"/prefix/part/..."; what topics may not hold becomes an underscore."""
+        """"/prefix/part/...". Characters that topics may not hold become underscores."""
         words = [re.sub(r"[^A-Za-z0-9_]", "_", part) for part in parts]
         words = [f"_{word}" if word[:1].isdigit() else word for word in words]
         return "/".join(["", self.prefix, *words])
 
     def nanoseconds(self, time_s: float) -> int:
-        """Of a moment, since the clock's zero."""
+        """Time of a moment, ns since the clock's zero."""
         return self.start_ns + round(time_s * 1e9)
 
 
@@ -50,12 +50,13 @@ def half_turn(yaw: float) -> tuple[float, float]:
 
 
 def stated(setting: Setting, moment: Moment, naming: Naming) -> list[Estimate]:
-    """The objects of the heaviest explanation, where presence is as probable as it has to be."""
+    """The objects of the heaviest explanation. Empty if the presence is less probable than
+    ``naming.least_presence``."""
     if moment.presence is None or moment.presence < naming.least_presence or not moment.modes:
         return []
     return estimates(setting.scene, moment.modes[0])
 
 
 def needs(package: str, extra: str = "robot") -> Error:
-    """What is told where an optional package is missing."""
+    """The error that says which optional package is missing."""
     return Error(f'{package} is not installed, accepted: pip install "blindcorner[{extra}]"')

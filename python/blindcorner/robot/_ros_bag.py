@@ -28,7 +28,7 @@ class RosbagsMake:
         except ImportError:
             raise needs("rosbags") from None
         self._nodes = Nodetype
-        #: The oldest distribution that is looked after: later ones read its messages.
+        #: The oldest distribution that is maintained: later ones read its messages.
         self.store = get_typestore(Stores.ROS2_HUMBLE)
 
     def __call__(self, kind: str, **fields: Any) -> Any:
@@ -52,7 +52,7 @@ class RosbagsMake:
 
 
 class RosBag:
-    """A bag in a directory that is made: messages of a setting and its moments, in their order.
+    """A bag in a new directory: messages of a setting and its moments, in their order.
 
         with RosBag("out", setting) as bag:
             bag.add(moment)
@@ -60,7 +60,7 @@ class RosBag:
 
     def __init__(self, path: PathLike, setting: Setting, naming: Naming = Naming(),
                  storage: str = "mcap") -> None:
-        """``storage``: mcap or sqlite3. Raises Error where the directory is there already."""
+        """``storage``: mcap or sqlite3. Raises Error if the directory exists already."""
         make = RosbagsMake()
         from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -83,7 +83,7 @@ class RosBag:
         self._started = False
 
     def add(self, moment: Moment) -> None:
-        """Writes one moment; before the first one what is at rest."""
+        """Writes one moment. Before the first one, it writes what is at rest."""
         if not self._started:
             self._started = True
             for rest in (self.messages.mount, self.messages.surroundings):
@@ -100,7 +100,7 @@ class RosBag:
                                self._store.serialize_cdr(message, kind))
 
     def close(self) -> None:
-        """Writes what makes the bag whole."""
+        """Writes what is needed to complete the bag."""
         self._writer.close()
 
     def __enter__(self) -> RosBag:
@@ -112,7 +112,8 @@ class RosBag:
 
 
 def _quality(lasting: bool) -> Any:
-    """Reliable, the last ten; ``lasting``: who comes later gets the last message too."""
+    """Reliable, keeping the last ten messages. ``lasting``: keeping the last one, which subscribers
+    that come later also get."""
     from rosbags.interfaces import (Qos, QosDurability, QosHistory, QosLiveliness, QosReliability,
                                     QosTime)
 

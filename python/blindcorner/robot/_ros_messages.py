@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Moments as ROS 2 messages, for whatever makes messages: rosbags, or the classes of rclpy."""
+"""Moments as ROS 2 messages, which rosbags or the classes of rclpy make."""
 
 from __future__ import annotations
 
@@ -105,7 +105,8 @@ class RosMessages:
                                  rotation=self._make("geometry_msgs/msg/Quaternion", **turn)))
 
     def scan(self, setting: Setting, moment: Moment) -> Any | None:
-        """sensor_msgs/msg/LaserScan of the middle row of zones; None where they look nobody knows."""
+        """sensor_msgs/msg/LaserScan of the middle row of zones. None: where they look is not
+        known."""
         sensor = setting.sensor(moment)
         scan = zone_scan(setting.scene, sensor, moment.counts)
         if scan is None:
@@ -150,7 +151,7 @@ class RosMessages:
             color=self._make("std_msgs/msg/ColorRGBA", **dict(zip("rgba", map(float, part.colour)))))
 
     def markers(self, parts: list[Part], time_s: float) -> Any:
-        """visualization_msgs/msg/MarkerArray that takes the place of the one before."""
+        """visualization_msgs/msg/MarkerArray that replaces the one before."""
         clear = self._make("visualization_msgs/msg/Marker", header=self.header(time_s),
                            action=DELETE_ALL, pose=self._pose(np.zeros(3), 0.0))
         return self._make("visualization_msgs/msg/MarkerArray", markers=[
@@ -187,7 +188,7 @@ class RosMessages:
         yield topic("answer"), "std_msgs/msg/String", self.answer(moment)
 
     def views(self, setting: Setting, moment: Moment) -> Iterator[tuple[str, str, Any]]:
-        """What is there to be looked at: the zones as a laser scan, and markers."""
+        """What viewers show: the zones as a laser scan, and markers."""
         scan = self.scan(setting, moment)
         if scan is not None:
             yield self.naming.topic("zones"), "sensor_msgs/msg/LaserScan", scan
@@ -195,7 +196,7 @@ class RosMessages:
                self.markers(moving(setting, moment), moment.time_s))
 
     def moment(self, setting: Setting, moment: Moment) -> Iterator[tuple[str, str, Any]]:
-        """All that changes."""
+        """All messages of what changes."""
         topic, naming = self.naming.topic, self.naming
         if moment.vehicle is not None:
             place = self.transform(naming.map_frame, naming.base_frame, moment.vehicle.matrix,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Captures from arrays whose order of axes somebody states.
+/// Captures from arrays whose order of axes the options state.
 #pragma once
 
 #include <string>
@@ -13,15 +13,15 @@
 
 namespace blindcorner {
 
-/// Throws Error where `axes` is no list of capture, row, column, zone and bin with a bin in it.
+/// Throws Error unless `axes` is a list of capture, row, column, zone and bin that contains bin.
 void check_axes(const std::string& axes);
 /// The same axes, the last one first.
 std::string reversed_axes(const std::string& axes);
-/// Throws Error where `axes_world` is no turn of x, y and z.
+/// Throws Error unless `axes_world` names x, y and z in any order, with signs.
 void check_world_axes(const std::string& axes_world);
 
-/// Rows and columns of `zones` zones: as the options state, or a square, which is noted. Throws
-/// Error naming `where` for a number of zones that neither fits.
+/// Rows and columns of `zones` zones: as the options state, or else a square, which is noted.
+/// Throws Error naming `where` for a number of zones that fits neither.
 std::pair<int, int> zone_layout(std::size_t zones, const ImportOptions& options,
                                 const std::string& where, ImportNotes& notes);
 
@@ -33,8 +33,7 @@ std::vector<Capture> arrange(const NpyArray& array, const ImportOptions& options
 /// An array of numbers of a .npz. Throws Error, also for one of text.
 NpyArray read_numbers(const NpzFile& archive, const std::string& path, const std::string& name);
 
-/// Puts the sensor where `positions`, [captures, 3] or [3] in metres, have it. Throws Error naming
-/// `where`.
+/// Places the sensor at `positions`, [captures, 3] or [3] in metres. Throws Error naming `where`.
 void place_sensor(std::vector<Capture>& captures, const NpyArray& positions,
                   const ImportOptions& options, const std::string& where);
 

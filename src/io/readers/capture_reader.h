@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// What a reader of other programs' captures is. Each reader is one file of this folder and one
-/// line in readers.cpp.
+/// The interface of readers of other programs' captures. Each reader is one file of this folder and
+/// one line in readers.cpp.
 #pragma once
 
 #include <memory>
@@ -14,20 +14,20 @@
 
 namespace blindcorner {
 
-/// A file or folder that `import` was given. Its content is read when somebody asks for it, and
-/// unpacked where it is gzipped.
+/// A file or folder that `import` was given. Its content is read when it is first asked for, and
+/// unpacked if it is gzipped.
 class ImportSource {
  public:
   explicit ImportSource(std::string path) : path_(std::move(path)) {}
 
   const std::string& path() const { return path_; }
-  /// Ending of the file's name, that of what is packed in it for ".gz": ".json".
+  /// Ending of the file's name: ".json". For a file "name.json.gz" it is also ".json".
   std::string ending() const;
   bool is_folder() const;
-  /// At most the first MiB, for recognising what it is; empty for a folder. Throws Error as
+  /// At most the first MiB, for recognising the file; empty for a folder. Throws Error as
   /// `read_bytes` does.
   const std::string& beginning() const;
-  /// Whole content. Throws Error. What a cut gzip file still gives is returned; `cut` says so.
+  /// Whole content. Throws Error. A cut gzip file gives the content that is there, and sets `cut`.
   const std::string& bytes() const;
   bool cut() const { return cut_; }
 
@@ -38,8 +38,7 @@ class ImportSource {
   mutable bool cut_ = false;
 };
 
-/// Lines for the user: what was left out or assumed, each with the file and, where one is meant,
-/// the line.
+/// Lines for the user: what was left out or assumed, with the file and, where it applies, the line.
 using ImportNotes = std::vector<std::string>;
 
 /// One format.
@@ -56,10 +55,11 @@ struct CaptureReader {
   CaptureFile (*read)(const ImportSource&, const ImportOptions&, ImportNotes&);
   /// Files of a folder in their order, for formats that are folders.
   std::vector<std::string> (*files)(const ImportSource&) = nullptr;
-  /// Formats that come in lines: whether a line of a stream is of this format, and who reads them.
+  /// For formats that come in lines: whether a line of a stream is of this format, and what reads
+  /// its lines.
   bool (*recognise_line)(std::string_view line) = nullptr;
   std::unique_ptr<LineReader> (*lines)(const LineOptions&) = nullptr;
-  /// One capture as the sensor prints it. Throws Error naming `where` for one that it cannot make.
+  /// One capture as the sensor prints it. Throws Error naming `where` if the sensor cannot make it.
   std::string (*print)(const Capture& capture, const std::string& where) = nullptr;
 };
 

@@ -2,13 +2,13 @@
 /// MATLAB files of the CheapSPAD data set (Callenberg et al., SIGGRAPH 2021): `datacubes`
 /// {positions}[2, 2, bins, repeats] and `positions` {positions}[3] (m).
 ///
-/// A relay spot (row, column) and a phase make one zone: zone 2 * spot + phase, the capture has a
-/// row per spot and two columns. Repeats of a spot alternate between two phases that differ in
-/// gain, ambient light and where the time axis wraps; which of them came first changes from spot to
-/// spot and position to position, so phase 0 is the one whose direct return is brighter. Its time
-/// axis wraps after 20 bins: bins 20 to 22 get what the file has in bins 0 to 2, which is of use
-/// where no direct return lights those. The truth is x_m, y_m, z_m. Repeats that were rejected are
-/// counted by reason, and captures carry the number of repeats that were averaged in each zone.
+/// A relay spot (row, column) and a phase make one zone: zone 2 * spot + phase. A capture has a row
+/// per spot and two columns. Repeats of a spot alternate between two phases that differ in gain,
+/// ambient light and where the time axis wraps. Which phase came first changes from spot to spot
+/// and position to position, so that phase 0 is the one whose direct return is brighter. Its time
+/// axis wraps after 20 bins: bins 20 to 22 get what the file has in bins 0 to 2. That is of use if
+/// no direct return lights those bins. The truth is x_m, y_m, z_m. Rejected repeats are counted by
+/// reason. Captures carry the number of repeats that were averaged in each zone.
 #include <algorithm>
 #include <array>
 #include <map>
@@ -22,7 +22,7 @@
 namespace blindcorner {
 namespace {
 
-/// VL53L1X: 0.197 m one way.
+/// Bin width of a VL53L1X: 0.197 m one way.
 constexpr double kBinWidth = 1314.2e-12;  // s
 constexpr std::size_t kSpots = 4;
 
@@ -48,8 +48,8 @@ std::array<RepeatSeries, kSpots> series_of(const MatlabArray& cube, const std::s
 /// Light of phase 0 that comes after this many bins is found this many bins earlier.
 constexpr std::size_t kWrap = 20;
 
-/// A row of phase 0 with its late bins put back where they belong. They show ambient light only;
-/// the early ones hold what came late, unless a direct return is there.
+/// A row of phase 0 with its late light put back where it belongs. The file's late bins show
+/// ambient light only. Its early bins hold the late light, unless a direct return is there.
 std::vector<double> unwrapped(const std::vector<double>& row) {
   std::vector<double> out = row;
   for (std::size_t b = kWrap; b + 1 < row.size(); ++b) out[b] = row[b - kWrap];
@@ -86,9 +86,10 @@ std::vector<Position> read_positions(const std::string& path) {
   return positions;
 }
 
-/// The filter of the published evaluation: the target this near to the wall (m, along y) ...
+/// The published evaluation keeps positions with the target this near to the wall (m, along y) ...
 constexpr double kPublishedLeastY = -1.7;
-/// ... and at least this much light, counts, after the first bins of the sixth repeat.
+/// ... and, with mirrors, with at least this much light, counts, after the first bins of the sixth
+/// repeat.
 constexpr double kPublishedLeastLight = 20000;
 constexpr std::ptrdiff_t kPublishedFirstBin = 9;
 constexpr std::size_t kPublishedRepeat = 5;
@@ -97,7 +98,7 @@ bool published(const Position& position, PublishedFilter filter) {
   if (filter == PublishedFilter::none) return true;
   if (position.place[1] < kPublishedLeastY) return false;
   if (filter == PublishedFilter::without_mirrors) return true;
-  // In the two spots on the right.
+  // Only the two spots on the right count.
   for (const std::size_t spot : {std::size_t{1}, std::size_t{3}}) {
     const RepeatSeries& series = position.spots[spot];
     if (series.size() <= kPublishedRepeat) return false;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Newline-delimited JSON, an object each capture: `{"counts": [[bin 0, bin 1, ...], ...]}` with a
-/// list for each zone, row by row, or a list for each row of such lists. `exposures` and
-/// `dispersion` may stand beside it. What a program prints that talks to a sensor of its own.
+/// Newline-delimited JSON, one object per capture: `{"counts": [[bin 0, bin 1, ...], ...]}` with a
+/// list for each zone, row by row, or for each row a list of such lists. `exposures` and
+/// `dispersion` may stand beside it. Programs that talk to a sensor of their own can print it.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -20,7 +20,7 @@ using Json = nlohmann::json;
 constexpr std::size_t kMostZones = 64UL * 64;
 constexpr std::size_t kMostBins = 1 << 16;
 
-/// Zones of rows of zones.
+/// The zones of `counts`, which come in one list or in a list per row.
 std::vector<const Json*> zones_of(const Json& counts) {
   std::vector<const Json*> zones;
   const bool in_rows = counts.at(0).at(0).is_array();
@@ -35,8 +35,9 @@ std::vector<const Json*> zones_of(const Json& counts) {
   return zones;
 }
 
-/// Throws Json::exception or Error for what is none. Unless `stated` rows and columns are meant,
-/// another number of zones than theirs is a square: whoever knows the scene refuses it.
+/// The capture that an object holds. Throws Json::exception or Error if it holds none. `stated`:
+/// the number of zones must be that of the options' rows and columns. Otherwise another number is
+/// taken as a square, which those who know the scene refuse.
 Capture capture_of(const Json& object, const ImportOptions& options, bool stated,
                    const std::string& where) {
   const Json& counts = object.at("counts");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Captures from the lines of a sensor as they arrive. The readers of logs that come in lines offer
-/// this beside reading a whole file, with the same code for a line.
+/// Captures from the lines of a sensor as they arrive. Readers of logs in lines offer this besides
+/// reading a whole file, and use the same code for a line.
 #pragma once
 
 #include <memory>
@@ -42,7 +42,7 @@ struct LineOptions {
   std::string path = "input";           ///< names the stream in notes
 };
 
-/// One stream's lines. A capture comes out with the line that completes it.
+/// Reads the lines of one stream. A capture comes out with the line that completes it.
 class LineReader {
  public:
   virtual ~LineReader() = default;

@@ -21,8 +21,8 @@ std::string counts_name(const std::string& path, const ImportOptions& options) {
                         (list.empty() ? std::string("none") : list));
 }
 
-/// MATLAB's first index is the fastest, ours the last: the same numbers with shape and axes turned
-/// round.
+/// MATLAB's first index is the fastest; in this project the last one is. The numbers stay, and
+/// shape and axes are reversed.
 CaptureFile read(const ImportSource& source, const ImportOptions& options, ImportNotes& notes) {
   const std::string name = counts_name(source.path(), options);
   MatlabArray array = read_matlab_array(source.path(), name);

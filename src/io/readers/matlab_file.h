@@ -21,7 +21,7 @@ struct MatlabArray {
 
 /// Whether this build reads MATLAB files.
 bool reads_matlab();
-/// Whether a file is one, by its first words or its ending.
+/// Whether a file is a MATLAB file, by its first words or its ending.
 bool is_matlab(const ImportSource& source);
 
 /// Names of the variables. Throws Error naming `path`.

@@ -21,7 +21,7 @@ std::string counts_name(const NpzFile& archive, const std::string& path,
   throw Error(path, "which array holds the counts has to be stated, found " + archive.names());
 }
 
-/// Metadata of our own export, when the archive has them and the caller states no axes.
+/// Metadata of this project's export, if the archive has them and the caller states no axes.
 std::optional<CaptureFile> own_metadata(const NpzFile& archive, const std::string& path,
                                         const ImportOptions& options) {
   if (!options.axes.empty() || !archive.has("metadata_json")) return std::nullopt;

@@ -29,7 +29,8 @@ std::string number(double value) {
   return digits;
 }
 
-/// Rows and columns of sensor points, time first and already told from the laser's axes.
+/// Rows and columns of the sensor's points. Time is the first axis of H, and axes of the laser have
+/// one element.
 std::pair<int, int> sensor_grid(const NpyArray& h, int format, const std::string& where) {
   const auto fail = [&](const std::string& accepted) -> Error {
     return Error(where, "has shape " + h.shape_text() + " and H_format " + std::to_string(format) +

@@ -20,7 +20,7 @@ constexpr std::size_t kMostFields = 1 << 16;
 
 /// What each column of a line is.
 struct Pattern {
-  /// One entry a column: the place in kIndices, kSkip, or a word that stands there.
+  /// A column: its place in kIndices, or kSkip, or kWord and the word that stands there.
   struct Column {
     int index = kSkip;
     std::string word;
@@ -117,7 +117,7 @@ Match match(const TextLine& line, const Pattern& pattern, Entry& entry) {
   return any ? Match::damaged : Match::other;
 }
 
-/// Puts entries together to captures.
+/// Puts entries together into captures.
 class Table {
  public:
   Table(const std::string& path, ImportNotes& notes) : path_(path), notes_(notes) {}

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Any text table whose columns somebody states.
+/// Text tables whose columns a pattern states.
 #pragma once
 
 #include <string>
 
 namespace blindcorner {
 
-/// Throws Error where `pattern` is no list of columns, as docs/capture.md has it.
+/// Throws Error unless `pattern` is a list of columns as in docs/capture.md.
 void check_pattern(const std::string& pattern);
 
 }  // namespace blindcorner

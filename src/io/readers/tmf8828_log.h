@@ -7,7 +7,7 @@
 /// `talk_to_arduino_combine_histograms.py` assembles. Other lines are skipped, but `#Obj` (the
 /// results, after every second measurement in 8 x 8 mode) tells where in a frame the log is.
 ///
-/// Where a channel c lies, measurement s of the frame counted from 0:
+/// Place of channel c in measurement s of the frame (s counts from 0):
 ///   3 x 3  one measurement, channels 1..9 row by row.
 ///   4 x 4  two measurements of channels 1..8 row by row, the upper half first. SparkFun's example
 ///          of this SPAD map (TMF882X Arduino library, Example-09) lays them out in this way.
@@ -35,14 +35,13 @@ struct Tmf882xLayout {
   int zone(int measurement, int channel) const;
 };
 
-/// The layout that rows and columns state, 3 x 3 where they do not. Throws Error for others than
-/// 3 x 3, 4 x 4 and 8 x 8.
+/// The layout that rows and columns state, or 3 x 3 if they state none. Throws Error for others
+/// than 3 x 3, 4 x 4 and 8 x 8.
 Tmf882xLayout tmf882x_layout(const ImportOptions& options);
 
-/// The log of captures, as the driver prints it from i2c address 65; the reference channel and
-/// those that are not used are dark. Throws Error naming `path` for captures that no TMF8828 makes:
-/// other than 3 x 3, 4 x 4 or 8 x 8 zones of 128 bins, or counts that are no whole numbers of 24
-/// bits.
+/// The log of captures, as the driver prints it from i2c address 65. The reference channel and
+/// unused channels are dark. Throws Error naming `path` for captures that no TMF8828 makes: other
+/// than 3 x 3, 4 x 4 or 8 x 8 zones of 128 bins, or counts that are no whole numbers of 24 bits.
 std::string tmf8828_log(const CaptureFile& file, const std::string& path);
 
 }  // namespace blindcorner

@@ -3,13 +3,15 @@
 /// JSON, plain or gzipped. `Result_Set[f].mp_histo[row][column].bin` are counts, `ref_histo` is the
 /// reference; `configuration` holds the registers.
 ///
-/// Bins: `bin_shift` b sums 2^b of the sensor's own, of which it uses `histogram_bins`.
+/// Bins: with `bin_shift` b, a bin sums 2^b of the sensor's own bins, of which it uses
+/// `histogram_bins`.
 ///
-/// Logs of the evaluation program 2.2.5 hold one histogram in all columns of a row, and it is not
-/// that of the row: its ambient light is that of the results' noise along the first row of zones
-/// (measured on a public log, correlation 0.9999, any other row or column at most 0.76; its peaks
-/// are where the distances of these zones say, 5 mm rms). Where histograms repeat, the reader looks
-/// for the row or column of zones whose noise they have, and the other zones get no exposures.
+/// In logs of the evaluation program 2.2.5, all columns of a row hold the same histogram, and it
+/// does not belong to that row. Its ambient light follows the noise that the results state along
+/// the first row of zones (measured on a public log: correlation 0.9999, with any other row or
+/// column at most 0.76). Its peaks are where the distances of these zones say, 5 mm rms. If
+/// histograms repeat, the reader looks for the row or column of zones whose noise they follow. The
+/// other zones get no exposures.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -26,9 +28,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// Width of the sensor's own bins, s. The driver calls them 200 ps; the peaks of a public log
-/// (16 x 16 zones, 16 distances from 1.0 to 2.8 m that the sensor states itself) ask for 204.4 +-
-/// 0.5.
+/// Width of the sensor's own bins, s. The driver calls them 200 ps. The peaks of a public log (16 x
+/// 16 zones, 16 distances from 1.0 to 2.8 m that the sensor states itself) ask for 204.4 +- 0.5.
 constexpr double kBinWidth = 204.4e-12;
 
 constexpr int kMostZonesAside = 64;
@@ -46,7 +47,7 @@ std::string shape(const HistogramCube& cube) {
          std::to_string(cube.bins);
 }
 
-/// Throws Json::exception or Error for what is no frame.
+/// The counts of a frame. Throws Json::exception or Error if it is damaged.
 HistogramCube counts_of(const Json& rows) {
   const Json& first = rows.at(0).at(0).at("bin");
   const std::size_t columns = rows.at(0).size();
@@ -87,7 +88,8 @@ std::optional<int> setting_of(const Json& configuration, const char* name) {
   return value.is_number_integer() ? std::optional(value.get<int>()) : std::nullopt;
 }
 
-/// What a log holds, read frame by frame: a log that ends early gives what is before.
+/// The content of a log, read frame by frame. A log that ends early gives the frames before its
+/// end.
 class Log {
  public:
   Log(const ImportSource& source, std::string array, ImportNotes& notes)
@@ -136,7 +138,7 @@ class Log {
                                shape(frames_.front().counts));
       }
       frames_.push_back(std::move(read));
-    } catch (const std::exception& damage) {  // of a value that is not what it should be
+    } catch (const std::exception& damage) {  // a value is not what it should be
       notes_.push_back(where + ": is damaged (" + damage.what() + "); left out");
     }
   }
@@ -201,14 +203,14 @@ double correlation(const std::vector<double>& a, const std::vector<double>& b) {
   return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0.0;
 }
 
-/// Counts of ambient light in a bin: half of the bins have less.
+/// Ambient light in a bin, counts: the median over the bins.
 double median(const double* bins, int count) {
   std::vector<double> sorted(bins, bins + count);
   std::nth_element(sorted.begin(), sorted.begin() + count / 2, sorted.end());
   return sorted[static_cast<std::size_t>(count / 2)];
 }
 
-/// Zones that rows of repeated histograms belong to, [rows].
+/// Zones to which the rows of repeated histograms belong, [rows].
 struct RepeatedZones {
   std::vector<int> zones;
   std::string text;  ///< "row 0"
@@ -228,7 +230,7 @@ std::optional<RepeatedZones> zones_of_repeats(const std::vector<Frame>& frames, 
     }
     for (std::size_t zone = 0; zone < noise.size(); ++zone) noise[zone] += frame.noise[zone];
   }
-  constexpr double kAlike = 0.98;  // of row 0 of the public log 0.9999, of all others below 0.77
+  constexpr double kAlike = 0.98;  // row 0 of the public log has 0.9999, all others less than 0.77
   RepeatedZones best;
   double highest = kAlike;
   const auto consider = [&](const std::vector<int>& zones, const std::string& text) {
@@ -273,7 +275,7 @@ Capture capture_of(const Frame& frame, int bins, const std::vector<int>& zones) 
   return capture;
 }
 
-/// Zones of repeated histograms, noted; empty where each zone has its own.
+/// The zones to which repeated histograms belong, with a note; empty if each zone has its own.
 std::vector<int> place_repeats(const std::vector<Frame>& frames, int bins, const std::string& path,
                                ImportNotes& notes) {
   if (!rows_repeat(frames)) return {};
@@ -328,7 +330,7 @@ bool recognise_line(std::string_view line) {
                                    line.find("\"bin_shift\"") != std::string_view::npos);
 }
 
-/// A stream with an object each line: elements of a log's Result_Set, or objects that hold
+/// A stream with one object per line: an element of a log's Result_Set, or an object that holds
 /// Result_Set and configuration as a log does.
 class LineStream : public LineReader {
  public:

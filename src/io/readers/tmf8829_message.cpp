@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Format: tmf8829/zeromq/TMF8829_zeromq_protocol.md of github.com/ams-OSRAM/tmf8829_driver_python,
-/// "Publish port 5558". It leaves out the five bytes before each frame's header (the sensor's
-/// registers 0xFA to 0xFE: a state and the host's clock) and the order of frames in dual mode,
-/// which tmf8829_application_common.py there has. Its end of a frame is 0xE0F0,
-/// that of tmf8829_application_defines.py 0xE0F7: the last four bits are not looked at.
-/// All numbers are little endian.
+/// "Publish port 5558". That file leaves out the five bytes before each frame's header (the
+/// sensor's registers 0xFA to 0xFE: a state and the host's clock) and the order of frames in dual
+/// mode, which tmf8829_application_common.py there has. It ends a frame with 0xE0F0,
+/// tmf8829_application_defines.py with 0xE0F7: the last four bits are not checked. All numbers are
+/// little endian.
 #include "io/readers/tmf8829_message.h"
 
 #include <array>
@@ -20,13 +20,13 @@ namespace {
 constexpr std::uint32_t kMagic = 0xFE5E1234;
 constexpr unsigned kProtocol = 2;
 constexpr std::size_t kMessageHeader = 84, kBefore = 5, kHeader = 16, kFooter = 12;
-/// The sizes that message and frame state count from here.
+/// Leading bytes that the stated size of a message, or of a frame, leaves out.
 constexpr std::size_t kUncounted = 8, kFrameUncounted = 4;
 constexpr unsigned kHistograms = 0x2, kReferenceSpads = 0x3;
 constexpr std::size_t kReferenceBytes = 4UL * 64 * 3;
 constexpr unsigned kValid = 0x01, kAborted = 0xC0;
 
-/// Zones and bins of a focal plane mode: each frame holds a half of `rows` times `columns` of them,
+/// Zones and bins of a focal plane mode. Each frame holds a half of `rows` times `columns` zones,
 /// and `across` times `down` pairs of frames interleave.
 struct Mode {
   std::size_t rows, columns, bins, across, down;
@@ -51,13 +51,13 @@ std::uint32_t number(std::string_view bytes, std::size_t at, std::size_t size) {
   return value;
 }
 
-/// One frame of histograms: which part of the focal plane, and its bytes.
+/// One frame of histograms: its part of the focal plane, and its bytes.
 struct Part {
   std::size_t mode = 0, place = 0;
   std::string_view histograms;
 };
 
-/// Takes the first frame off `rest`; a part where it holds histograms.
+/// Takes the first frame off `rest`, and adds a part if it holds histograms.
 void take_frame(std::string_view& rest, std::vector<Part>& parts) {
   const std::uint32_t id = number(rest, kBefore, 1), kind = id >> 4;
   std::size_t size = kBefore + kFrameUncounted + number(rest, kBefore + 2, 2);
@@ -91,7 +91,7 @@ void take_frame(std::string_view& rest, std::vector<Part>& parts) {
   parts.push_back(part);
 }
 
-/// [rows][columns] the bytes of each zone's histogram; `parts` are those of one array.
+/// The bytes of each zone's histogram, [rows][columns]. `parts` are those of one array.
 std::vector<std::string_view> zones_of(const Mode& mode, const std::vector<Part>& parts) {
   const std::size_t columns = mode.columns * mode.across, size = mode.bins * 3;
   std::vector<std::string_view> zones(mode.rows * mode.down * columns);
@@ -159,7 +159,8 @@ std::string tmf8829_line(std::string_view message) {
     throw damaged("holds " + std::to_string(parts.size()) + " frames of histograms, accepted: " +
                   std::to_string(mode.frames()) + ", or twice as many in dual mode");
   }
-  // In dual mode high accuracy comes first, in modes with two results for each half of the rows.
+  // In dual mode the frames of high accuracy come first. In modes with `down` 2, this holds for
+  // each half of the rows.
   const std::size_t turn = dual ? mode.frames() / mode.down : parts.size();
   std::array<std::vector<Part>, 2> arrays;
   for (std::size_t i = 0; i < parts.size(); ++i) arrays[i / turn % 2].push_back(parts[i]);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// TMF882x histograms as lines `#HLONG<channel>` and `#HSHORT<channel>` with a number a bin:
+/// TMF882x histograms as lines `#HLONG<channel>` and `#HSHORT<channel>` with one number per bin:
 ///
 ///   #HLONG01;128;167;...   the makers' EVM program, from the files that it writes ("sep=;") and
 ///                          from its TCP bridge: channels from 1 are the zones row by row, all
@@ -10,7 +10,7 @@
 ///   #HLONG-3:128,167,...   with a dash and a colon, as sketches print it.
 ///   #HLONG0,<256 bins>     a line for each of five converters: two channels, one in each half.
 ///
-/// Which of the first two it is follows from how many numbers the lines have: bins are a power of
+/// The number of fields tells the first two formats apart, because the number of bins is a power of
 /// two.
 #include <algorithm>
 #include <bit>
@@ -31,12 +31,12 @@ namespace {
 constexpr std::string_view kCounter = "Histogram Number:";
 constexpr int kConverterBins = 256;  ///< of the two channels of a time-to-digital converter
 
-/// One line, its fields not yet taken for numbers.
+/// One line, whose fields are not yet read as numbers.
 struct HistogramLine {
   int number = 0;
   std::string_view kind;  ///< "HLONG" or "HSHORT"
   std::vector<std::string_view> fields;
-  int counter = 0;  ///< of measurements, from 1; 0: none stands before
+  int counter = 0;  ///< of measurements, from 1; 0: no counter stands before the line
 };
 
 /// A histogram with its place in the log.
@@ -61,7 +61,8 @@ std::string_view kind_of(std::string_view text) {
   return {};
 }
 
-/// The histogram of a line, and what counts measurements; nothing for other lines.
+/// The histogram of a line; nothing for other lines. A line that counts measurements sets
+/// `counter`.
 std::optional<HistogramLine> histogram_line(const TextLine& line, int& counter) {
   std::string_view rest = line.text;
   if (const std::size_t at = rest.find(kCounter); at != std::string_view::npos) {
@@ -69,7 +70,7 @@ std::optional<HistogramLine> histogram_line(const TextLine& line, int& counter) 
     digits.remove_prefix(std::min(digits.find_first_not_of(' '), digits.size()));
     counter = static_cast<int>(whole_number_of(digits).value_or(0));
   }
-  // Whatever a serial monitor puts before its lines, no such line has this sign within.
+  // A serial monitor may put text before its lines; such text never contains this sign.
   rest.remove_prefix(std::min(rest.find('#'), rest.size()));
   const std::string_view kind = kind_of(rest);
   if (kind.empty()) return std::nullopt;
@@ -144,7 +145,8 @@ void add_channel(Measurement& measurement, Histogram histogram) {
   measurement.channels[2 * histogram.channel + 1].assign(half, histogram.bins.end());
 }
 
-/// Measurements in the order of the log. A channel that is not above the one before begins another.
+/// Measurements in the order of the log. A channel that is not above the one before it begins
+/// another.
 std::vector<Measurement> measurements_of(const std::vector<HistogramLine>& lines,
                                          const std::string& path, ImportNotes& notes) {
   const std::size_t fields = usual_fields(lines);
@@ -201,8 +203,9 @@ std::vector<Measurement> whole_ones(std::vector<Measurement> measurements, const
   return measurements;
 }
 
-/// Zones are the channels from 1, or the lone channel 0; several measurements make a capture where
-/// the stated zones are more.
+/// Which channel of which measurement is which zone. Zones are the channels from 1, or channel 0 if
+/// it is the only one. If more zones are stated than there are channels, several measurements make
+/// a capture.
 class Arrangement {
  public:
   Arrangement(const Measurement& usual, const ImportOptions& options, const std::string& path,
@@ -317,8 +320,8 @@ bool recognise_line(std::string_view line) {
          line.find("#HSHORT") != std::string_view::npos;
 }
 
-/// A stream of the same lines. Which channels a measurement has is learned from the first two that
-/// are alike; from then on a measurement is complete with its last channel.
+/// A stream of the same lines. The first two measurements that are alike show which channels a
+/// measurement has. After that, a measurement is complete with its last channel.
 class LineStream : public LineReader {
  public:
   explicit LineStream(LineOptions options) : options_(std::move(options)) {
@@ -357,8 +360,8 @@ class LineStream : public LineReader {
   }
 
  private:
-  /// Of a channel, or of two in the two halves of a converter's line; channel and first bin may be
-  /// one field.
+  /// Whether a line has the bins of one channel, or of two in the halves of a converter's line.
+  /// Channel and first bin may share a field.
   bool has_bins(std::size_t fields) const {
     const auto bins = static_cast<std::size_t>(options_.bins);
     return fields == bins || fields == bins + 1 ||
@@ -385,7 +388,7 @@ class LineStream : public LineReader {
     if (arrangement_ && channels_of(current_) == usual_) close(yield);
   }
 
-  /// The current measurement is over.
+  /// Ends the current measurement.
   void close(LineYield& yield) {
     Measurement measurement = std::exchange(current_, {});
     const std::set<int> found = channels_of(measurement);
@@ -432,8 +435,8 @@ class LineStream : public LineReader {
   std::set<int> usual_;
   std::optional<Arrangement> arrangement_;
   Measurement current_;
-  std::vector<Measurement> pending_;  ///< of the capture
-  bool whole_ = true;                 ///< these have all their channels
+  std::vector<Measurement> pending_;  ///< measurements of the current capture
+  bool whole_ = true;                 ///< these measurements have all their channels
 };
 
 }  // namespace

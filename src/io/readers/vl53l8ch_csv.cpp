@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Tables of ST's VL53L8CH evaluation kit: `data_*.csv` beside `info_*.csv`, a row a frame, columns
-/// `cnh__hist_bin_<bin>_a<zone>` among others.
+/// Tables of ST's VL53L8CH evaluation kit: `data_*.csv` beside `info_*.csv`, with one row per frame
+/// and columns `cnh__hist_bin_<bin>_a<zone>` among others.
 #include <algorithm>
 #include <filesystem>
 #include <map>

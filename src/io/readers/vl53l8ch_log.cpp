@@ -17,7 +17,7 @@ namespace {
 
 /// Bins and ambient light are printed in thousandths.
 constexpr double kThousandth = 1e-3;
-/// Width of a bin where the firmware sums none, s.
+/// Width of a bin if the firmware does not sum bins, s.
 constexpr double kBinWidth = 250e-12;
 /// Zone, ambient light and distance stand before the bins.
 constexpr std::size_t kLeading = 3;
@@ -71,7 +71,7 @@ void add_line(Frame& frame, const std::string& text, int line) {
   }
 }
 
-/// Notes down what is missing or uneven in a frame of so many zones and bins.
+/// Notes what is missing or uneven in a frame that should have so many zones and bins.
 void check_frame(Frame& frame, std::size_t zones, std::size_t bins) {
   if (!frame.damage.empty()) return;
   if (frame.zones.size() != zones) {
@@ -94,7 +94,7 @@ void check_frame(Frame& frame, std::size_t zones, std::size_t bins) {
   }
 }
 
-/// Of a frame that was checked.
+/// The capture of a frame that was checked.
 Capture capture_of(const Frame& frame, int rows, int columns) {
   Capture capture;
   const auto bins = static_cast<int>(frame.zones.begin()->second.size());
@@ -135,7 +135,7 @@ std::vector<Capture> parse_vl53l8ch_log(const std::string& text, const std::stri
                                         const ImportOptions& options,
                                         std::vector<std::string>& warnings) {
   std::vector<Frame> frames = frames_of(text);
-  // The usual frame: the log may begin and end within one.
+  // Finds the usual size of a frame: the log may begin and end within one.
   std::map<std::pair<std::size_t, std::size_t>, int> sizes;
   for (const Frame& frame : frames) {
     const auto as_long = [&](const auto& zone) {
@@ -249,7 +249,8 @@ class LogStream : public LineReader {
     last_.clear();
   }
 
-  /// A zone's line after a whole frame, or before any: the line D is missing, or its frame's begin.
+  /// Handles a zone's line after a whole frame, or before any frame: a line D is missing, or the
+  /// beginning of a frame.
   void add_stray(const TextLine& line, LineYield& yield) {
     if (text_of_last(line)) {
       note(line, LineFault::repeated_line, "comes twice; the second is left out", yield);
