@@ -39,11 +39,11 @@ constexpr std::size_t kFewOptima = 8;
 
 /// Number of samples. Up to three unknowns get the options' number; more unknowns get samples in
 /// proportion to the cube of their number, because the more directions there are, the more of them
-/// may have tails. With half of it for two unknowns, ends of a ball's ridges (mirror_wall, 2000
-/// captures) were missed: 0.937 instead of 0.952 of truths were in the 95 % region. With twice as
-/// many for the six unknowns of two spheres (10,000 photons), the normalised error is 1.27; with
-/// forty times as many it is 1.16. A joint fit of many captures pays for each sample in every
-/// capture, so it takes a quarter of the samples.
+/// may have tails. With half the options' number for two unknowns, ends of a ball's ridges
+/// (mirror_wall, 2000 captures) were missed: 0.937 instead of 0.952 of truths were in the 95 %
+/// region. With twice as many for the six unknowns of two spheres (10,000 photons), the
+/// normalised error is 1.27; with forty times as many it is 1.16. A joint fit of many
+/// captures pays for each sample in every capture, so it takes a quarter of the samples.
 int samples_for(const FitOptions& options, const Scene& scene, std::size_t captures) {
   const auto n = static_cast<double>(scene.unknowns.size());
   const double dear = captures < kTimesFew * kFew ? 1 : 4;

@@ -47,8 +47,8 @@ class PreparedScenes {
 
   /// What is known about empty captures. Their law hardly depends on where the sensor stands, so
   /// that the law at the scene's own sensor placement serves all single captures of a moving
-  /// sensor. That placement is kept as long as this object, because other threads may use it while
-  /// the cache drops it.
+  /// sensor. The scene compiled there is kept as long as this object, because other threads may use
+  /// it while the cache drops it.
   FalseAlarmCalibration& false_alarms(const std::shared_ptr<Prepared>& own);
 
  private:

@@ -25,7 +25,7 @@ class MovingBodies {
     if (silhouette.seen_from) round_.push_back(std::move(silhouette.seen_from));
   }
 
-  /// Adds the faces that hide what lies behind the bodies. `point` lies outside of the bodies.
+  /// Adds the faces that hide what lies behind the bodies as seen from `point`, outside of them.
   void faces_seen_from(const Eigen::Vector3d& point, std::vector<OccluderFace>& faces) const {
     faces.insert(faces.end(), flat_.begin(), flat_.end());
     for (const auto& seen_from : round_) {

@@ -151,8 +151,8 @@ void check_illumination(const Sensor& sensor, Problems& problems) {
   }
 }
 
-/// Checks rows, columns, bins and zones, on which the other checks of a sensor rely. Returns false
-/// if these cannot be made.
+/// Checks rows, columns, bins and zones. Returns false if the other checks of a sensor, which rely
+/// on these, cannot be made.
 bool check_layout(const Sensor& sensor, Problems& problems) {
   const auto whole = [&](const char* field, int value, int upper) {
     const bool good = value >= 1 && value <= upper;

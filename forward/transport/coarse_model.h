@@ -47,11 +47,11 @@ struct SparseLight {
 };
 
 /// The closed-form light of one sensor placement. A run is a group of patches near each other: a
-/// zone, or a part of the field. The object's middle sees a run as one: weight, mean path and
-/// variance. Each piece of the object then makes one pulse for each run whose light comes back to
-/// where it fell (narrow lobes), or for each pair of a run that lights it and a run that sees it.
-/// Shadows of known bodies and of other hidden objects are continuous, and found for the object's
-/// middle. An object's shadow on itself is left out. Thread safe.
+/// zone or one patch of it, or a part of the field. The object's middle sees a run as one: weight,
+/// mean path and variance. Each piece of the object then makes one pulse for each run whose light
+/// comes back to where it fell (narrow lobes), or for each pair of a run that lights it and a run
+/// that sees it. Shadows of known bodies and of other hidden objects are continuous, and found for
+/// the object's middle. An object's shadow on itself is left out. Thread safe.
 class CoarseModel {
  public:
   CoarseModel(std::shared_ptr<const CoarseScene> shared, const SensorPlacement& placement);

@@ -195,7 +195,8 @@ void shade(const Vector3d& from, const std::vector<const WeightedPatch*>& ends,
 
 FineAxis::FineAxis(const Sensor& sensor)
     : bins_(unwrapped_bins(sensor)),
-      // A cell is a sixteenth of the pulse's width, or of the narrowest pulse that is told apart.
+      // A cell is a sixteenth of a bin or, if that is less, of the pulse's width (at least
+      // kMinPulseBins).
       fine_(static_cast<int>(std::ceil(
           16 / std::clamp(sensor.response.core_sigma() / sensor.bin_width, kMinPulseBins, 1.0)))) {
   const auto [early, late] = sensor.response.support(kPulseTail);

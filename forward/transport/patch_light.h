@@ -233,8 +233,9 @@ void lobe_light_of_patches(const Scratch& s, std::size_t n, const LobeLight& lig
                            const Eigen::Vector3d& u, const Eigen::Vector3d& v, LightSums& sums);
 
 /// Path cells before path zero and after the end of the time axis, for pulses that only just reach
-/// the axis. The widest pulse has six standard deviations of the sensor's pulse (widest_blur), a
-/// cell 0.4 (kPathCell): four standard deviations of the widest are 60 cells.
+/// the axis. The widest pulse is six times as wide as the sensor's (widest_blur), and a cell is 0.4
+/// standard deviations of the sensor's pulse (kPathCell). Four standard deviations of the widest
+/// pulse are then 60 cells.
 constexpr int kCellMargin = 64;
 
 /// Adds pulses to the two nearest of `count` path cells, each in proportion to nearness. Moments

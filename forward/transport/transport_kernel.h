@@ -46,7 +46,7 @@ class TransportKernel {
 std::unique_ptr<TransportKernel> make_lambertian_kernel(const KernelInputs& inputs);
 /// Any BRDF, also a Lambertian one: a pulse for each pair of a way in and a way out.
 std::unique_ptr<TransportKernel> make_brdf_kernel(const KernelInputs& inputs);
-/// A narrow lobe: light leaves to about the relay point that it came from.
+/// A narrow lobe: light goes back to about the relay point that it came from.
 std::unique_ptr<TransportKernel> make_retro_single_kernel(const KernelInputs& inputs);
 /// Any lobe: pairs of a lit and a seen patch within the lobe's reach.
 std::unique_ptr<TransportKernel> make_retro_pairs_kernel(const KernelInputs& inputs);

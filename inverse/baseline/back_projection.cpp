@@ -18,7 +18,7 @@ namespace {
 /// falls by within one standard deviation.
 constexpr double kTells = 0.5;
 /// Most moves from voxel to voxel at one distance of voxels: enough to cross the first grid, which
-/// has 20 voxels along each of three axes.
+/// has by default at most about 20 voxels along each of three axes of equal range.
 constexpr int kMaxMoves = 20;
 /// Rounds of parabolas, each at half the step of the one before: the last step is an eighth of the
 /// climb's, a 16th of the pulse or less.

@@ -12,7 +12,8 @@
 namespace blindcorner {
 namespace {
 
-/// The tolerance between captures and scenes: it moves the last of 128 bins by about one bin.
+/// Relative tolerance of the bin width, as between captures and scenes: a difference this large
+/// moves the last of 128 bins by about one bin.
 constexpr double kBinWidthTolerance = 0.01;
 
 }  // namespace

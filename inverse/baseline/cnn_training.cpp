@@ -181,8 +181,8 @@ CnnTrainingOptions CnnTrainingOptions::of(CnnArchitecture network) {
   CnnTrainingOptions options;
   if (network == CnnArchitecture::published) return options;
   options.network = network;
-  // By judgement: ten times the captures need four times the batch, and training ends when nothing
-  // more is learnt, which is after 32 epochs on tmf8828_wall.
+  // By judgement: for ten times the captures, the batch is four times as large. Training ends when
+  // nothing more is learnt, which is after 32 epochs on tmf8828_wall.
   options.epochs = 60;
   options.batch = 64;
   options.early_stopping = 10;

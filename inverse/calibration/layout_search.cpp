@@ -14,7 +14,7 @@ namespace {
 
 /// Least number of captures that decide, if as many are given; fewer than twice as many are used.
 /// With this many, right and wrong layouts differ by hundreds in deviance, far more than kWrapGain.
-constexpr std::size_t kMaxCaptures = 48;
+constexpr std::size_t kCaptures = 48;
 /// A wrap is refuted by another one whose deviance is this much less (five sigma).
 constexpr double kWrapGain = 25;
 /// Squared residuals beyond this many variances, three standard deviations, count less and less.
@@ -36,7 +36,7 @@ CalibrationProblem few_captures(const Scene& scene, const std::vector<Capture>& 
                                 const std::vector<std::optional<PoseVector>>& where) {
   std::vector<Capture> captures;
   std::vector<std::optional<PoseVector>> poses;
-  const std::size_t stride = std::max<std::size_t>(1, all.size() / kMaxCaptures);
+  const std::size_t stride = std::max<std::size_t>(1, all.size() / kCaptures);
   for (std::size_t c = 0; c < all.size(); c += stride) {
     captures.push_back(all[c]);
     poses.push_back(where[c]);

@@ -8,9 +8,10 @@
 
 namespace blindcorner {
 
-/// Sets the prior of each zone's ambient light: its mean is the median over the captures, and its
-/// standard deviation the spread that holds 95 % of them, less the noise of one estimate. `flat`
-/// was evaluated without that prior. Nothing is set if any live zone is seen too rarely.
+/// Sets the prior of each zone's ambient light: its mean is the median over the captures. Its
+/// standard deviation follows from the distance to the median that holds 95 % of them, less the
+/// noise of one estimate. `flat` was evaluated without that prior. Nothing is set if any live zone
+/// is seen too rarely.
 void learn_ambient(const CalibrationProblem& problem, const Evaluations& flat,
                    const std::vector<double>& keep, Scene& scene);
 

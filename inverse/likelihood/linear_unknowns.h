@@ -99,7 +99,7 @@ class LinearSolver {
   /// Number of a zone's residuals: its bins, one for all bins outside of its gate, and its priors.
   int residual_count(std::size_t zone) const;
   /// A zone's part of a Jacobian, [residual_count(zone), n + 1]. The last column is that of the
-  /// logarithm of the zone's amplitude. The zone's own unknowns follow.
+  /// logarithm of the zone's amplitude. The zone's own unknowns adapt to first order.
   void zone_jacobian(std::size_t zone, const ZoneShapes& shapes, const LinearSolution& solution,
                      const Eigen::Ref<const Eigen::MatrixXd>& slope, const double* residuals,
                      Eigen::MatrixXd& out) const;

@@ -43,8 +43,8 @@ ExpectedBins bins_of(const LinearSolver& solver, std::size_t z, const ZoneShapes
 }
 
 /// Completes the information [3, 3] that the bins of the time gate hold about a zone's own linear
-/// unknowns: adds the bins outside the gate and the priors, and makes the entries of unknowns that
-/// the zone does not have neutral.
+/// unknowns: adds the bins outside the gate and the priors, and sets a neutral entry for each
+/// unknown that the zone does not have.
 void complete(const ObservedZone& zone, const BinLikelihood& noise_model,
               const LinearUnknowns& unknowns, const OwnUnknowns& own, double ambient,
               Eigen::Matrix3d& information) {

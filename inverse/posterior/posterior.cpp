@@ -131,13 +131,12 @@ double best_evidence(const std::vector<Peak>& peaks) {
   return best;
 }
 
-/// Light that samples about each peak are evaluated with: that of the rough models, corrected by
-/// what it lacks, at the peak, of the better models' light. The spline is used instead where it
-/// agrees with that light about the peaks' shapes and their differences in height. Closed-form
-/// light, which leads descents, would be a third of the work, but it sees only one end of curved
-/// ridges. Where it agreed within half a log unit at one standard deviation, a fifth of the
-/// posteriors of an oblique floor at 100,000 photons lacked the truth by up to six of their
-/// standard deviations.
+/// Light with which samples about each peak are evaluated. It is the light of the rough models,
+/// corrected at the peak to that of the better models. The spline is used instead where it agrees
+/// with that light about the peaks' shapes and their differences in height. Closed-form light,
+/// which leads descents, would be a third of the work, but it sees only one end of curved ridges.
+/// Where it agreed within half a log unit at one standard deviation, a fifth of the posteriors of
+/// an oblique floor at 100,000 photons lacked the truth by up to six of their standard deviations.
 SampleLights sample_lights(const PoseObjective& objective,
                            const std::vector<const Refined*>& optima,
                            const std::vector<Peak>& peaks, double inflation) {

@@ -24,8 +24,8 @@ using Eigen::Vector3d;
 /// Grid step in units of the standard deviation of the pulse's path. Half a step off, a matched
 /// filter still keeps exp(-0.5^2 / 4 * 1.2^2) = 0.91 of its response.
 constexpr double kGridStep = 1.2;
-/// Finite-difference step in the same unit: the truncation error is (h / sigma)^2 / 6 = 1.5e-4.
-constexpr double kDifferenceStep = 0.03;
+/// Finite-difference step in the same unit: the truncation error is (h / sigma)^2 / 6 = 6e-4.
+constexpr double kDifferenceStep = 0.06;
 /// Largest yaw steps, rad: cosines change even where no path does. Half a grid step off, a cosine
 /// still is cos(pi / 16) = 0.98. A finite difference errs by h^2 / 6 = 2e-5.
 constexpr double kYawGrid = kPi / 8;
@@ -285,7 +285,7 @@ PoseVector difference_steps(const Scene& scene, const SensorPlacement& placement
   PoseVector steps(rates.size());
   for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
     const auto k = static_cast<Eigen::Index>(i);
-    double step = kDifferenceStep * pulse_path * 2 / rates[k];
+    double step = kDifferenceStep * pulse_path / rates[k];
     if (scene.unknowns[i].component == Component::yaw) step = std::min(step, kYawDifference);
     if (scene.unknowns[i].component == Component::size) step = std::min(step, kSizeDifference);
     steps[k] = std::min(step, kRangeDifference * scene.unknowns[i].range());

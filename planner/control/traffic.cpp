@@ -71,7 +71,7 @@ class Traffic {
 
   /// The result of a course.
   struct Outcome {
-    double probability = 0, time = 0;  ///< of touching a mover; mean time, s, times that
+    double probability = 0, time = 0;  ///< of touching a mover; mean time, s, times it
     double damage = 0;                 ///< m^2/s^2, expected square of the speed of impact
     double exposure = 0;               ///< m^2/s, integral of that square over the time in touch
     std::vector<double> of_mover;      ///< [movers] probability
@@ -79,7 +79,7 @@ class Traffic {
 
   /// `braking`: share of the friction limit; 0: as the follower's profile says.
   Outcome of(double braking) const { return meetings(course(braking), options_.margin); }
-  /// Damage and exposure of touching itself, not of coming nearer than the margin. The exposure
+  /// Damage and exposure of a touch itself, not of coming nearer than the margin. The exposure
   /// decides between courses that begin with a touch (bodies are discs, which bulge).
   std::pair<double, double> damage(double braking) const {
     const Outcome outcome = meetings(course(braking), 0);

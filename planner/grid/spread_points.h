@@ -25,8 +25,8 @@ std::array<double, kDimensions> spread_point(int i, double ratio) {
   return point;
 }
 
-/// Point of the standard normal distribution that belongs to two even numbers (Box and Muller
-/// 1958).
+/// Point of the standard normal distribution for a point (a, b) of the unit square (Box and Muller
+/// 1958). Points that fill the square evenly become normally distributed.
 inline Eigen::Vector2d normal_point(double a, double b) {
   const double radius = std::sqrt(-2 * std::log(1 - a));
   return radius * Eigen::Vector2d(std::cos(2 * kPi * b), std::sin(2 * kPi * b));

@@ -27,8 +27,8 @@ constexpr std::array<double, kSteps> kStepLengths{1, kDiagonal, 1, kDiagonal,
                                                   1, kDiagonal, 1, kDiagonal};  // cells
 
 /// Steps worth trying from a cell that `step` led to, if every cell costs the same. The cells
-/// behind other steps can be reached at the same cost without this cell. Of equal ways the one with
-/// its diagonal steps first is kept (Harabor & Grastien 2011; Sturtevant & Rabin, "Canonical
+/// behind other steps can be reached at no higher cost without this cell. Of equal ways the one
+/// with its diagonal steps first is kept (Harabor & Grastien 2011; Sturtevant & Rabin, "Canonical
 /// Orderings on Grids", 2016), for the rule that diagonal steps do not cut corners. `steps` holds
 /// all steps that the cell allows.
 constexpr unsigned canonical_steps(unsigned step, unsigned steps) {

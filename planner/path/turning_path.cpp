@@ -71,8 +71,8 @@ std::vector<Vector2d> points_of(const PlanningGrid& grid, const PathRequest& req
   return points;
 }
 
-/// A way that is put together from straight lines, bends and turns on the spot, and checked on the
-/// way.
+/// A way that is put together from straight lines, bends and turns on the spot. Each part is
+/// checked when it is added.
 class Track {
  public:
   Track(const PlanningGrid& grid, const PathPlannerOptions& options, const Vector2d& start)

@@ -26,8 +26,8 @@ using Matrix = boost::numeric::ublas::matrix<double>;
 /// times its length (1e-7 s for a step of 0.1 s), and it is far below the fastest time constant
 /// (about 1e-5 s).
 constexpr double kShortestShare = 1e-6;
-/// Most inner steps. Harsh steps of the car take some 50; equations that take this many have no
-/// solution.
+/// Largest number of inner steps. Harsh steps of the car take some 50; equations that take this
+/// many have no solution.
 constexpr int kMaxInnerSteps = 20'000;
 /// Relative step of forward differences: the errors of rounding and of the quotient are about
 /// equal.

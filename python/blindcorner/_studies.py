@@ -194,7 +194,8 @@ def bound(
     """The error to expect, before there is a capture; ask the returned :class:`Bound` about places.
 
     photons: of the third bounce on average over the search region, over an equal background; 0: the
-        scene's own exposure. exposures, ambient (counts per bin of one exposure): stated instead.
+        scene's own exposure. exposures, ambient (counts per bin of one exposure): if stated, they
+        replace those values.
     test_poses: poses that a place may be mistaken for. prior: count what the scene says of the pose.
     tolerance: of the fast model, a share of the peak. seed: of simulated empty captures.
     progress: called with the number of test poses done and that of all. Raises Error.

@@ -40,7 +40,7 @@ void require_readable(const std::vector<CaptureInput>& inputs);
 /// The captures of all files, in their order. Throws Error with the reason when one is missing.
 std::vector<Capture> read_all_captures(const std::vector<std::string>& paths, const Scene& scene);
 
-/// Where the scene's sensor stands or, with a capture file (empty: none), that of the file's first
+/// Placement of the scene's sensor or, with a capture file (empty: none), that of the file's first
 /// capture. Throws Error if there is no file and the scene leaves it to captures where its zones
 /// look.
 SensorPlacement known_placement(const Scene& scene, const std::string& capture_path);

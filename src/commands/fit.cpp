@@ -188,21 +188,15 @@ void write_outputs(const FitArguments& arguments, const Scene& scene,
 
 /// Prints the sentences about what is odd, each once and at most kMaxHints of them.
 void tell_hints(const std::vector<FitResult>& results) {
-  std::vector<std::pair<std::string, std::size_t>> hints;
+  std::vector<std::string> hints;
   for (const FitResult& result : results) {
     for (const std::string& hint : result.hints) {
-      const auto known =
-          std::ranges::find(hints, hint, &std::pair<std::string, std::size_t>::first);
-      if (known == hints.end()) {
-        hints.emplace_back(hint, 1);
-      } else {
-        ++known->second;
-      }
+      if (std::ranges::find(hints, hint) == hints.end()) hints.push_back(hint);
     }
   }
   constexpr std::size_t kMaxHints = 5;
   for (std::size_t i = 0; i < std::min(hints.size(), kMaxHints); ++i) {
-    std::fprintf(stderr, "blindcorner: hint: %s\n", hints[i].first.c_str());
+    std::fprintf(stderr, "blindcorner: hint: %s\n", hints[i].c_str());
   }
   if (hints.size() > kMaxHints) {
     std::fprintf(stderr, "blindcorner: hint: %zu more like these, in result.json\n",

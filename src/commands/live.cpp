@@ -209,7 +209,8 @@ int run_live(LiveArguments arguments) {
   }
   if (recorder) tell_recording(*recorder);
   say("ended: " + tally.text());
-  const bool lost = tally.of(live::Count::dropped_answers) > 0 || (recorder && !recorder->whole());
+  const bool lost =
+      tally.of(live::Count::dropped_answers) > 0 || tally.of(live::Count::unrecorded_frames) > 0;
   if (tally.of(live::Count::frames) == 0 && !Interruptible::asked()) {
     throw Error(arguments.input.address, "held no whole frame that suits the scene");
   }

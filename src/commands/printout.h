@@ -20,7 +20,7 @@ class Printout {
   [[gnu::format(printf, 2, 3)]] void text(const char* pattern, ...) const;
   /// Prints the JSON document. Prints nothing without --json.
   void document(const std::string& json) const;
-  /// Prints a file that the command wrote as the document: .json as it is, .csv as a list of its
+  /// Prints, as the document, a file that the command wrote: .json as it is, .csv as a list of its
   /// rows, each an object by the columns' names. Prints nothing without --json. Throws Error.
   void file(const std::string& path) const;
 

@@ -27,7 +27,7 @@ constexpr int kUnknownGrey = 205, kFreeGrey = 254;
 // --- Pixels and cells
 // -----------------------------------------------------------------------------
 
-/// The cell that a pixel stands for. `shade` is the mean of the colour channels, 0..1.
+/// Value of the cell that a pixel stands for. `shade` is the mean of the colour channels, 0..1.
 std::int8_t cell_of(double shade, std::optional<double> alpha, const RosMapOptions& rules) {
   if (rules.mode == MapMode::raw) {
     const double value = std::round(shade * 255);

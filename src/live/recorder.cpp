@@ -39,7 +39,6 @@ void Recorder::add(Capture capture, bool patient) {
   const bool taken =
       patient ? frames_.put_patiently(std::move(capture)) : frames_.offer(std::move(capture));
   if (taken) return;
-  whole_ = false;
   tally_.note(Count::unrecorded_frames,
               options_.path + ": the disk is too slow; frames are left out");
 }
@@ -76,7 +75,7 @@ void Recorder::run() {
     last_save = now;
     if (!full) continue;
     part_.captures = {};
-    saved_ = bytes = 0;
+    saved_ = unsaved_ = bytes = 0;
     ++number_;
   }
   save();
@@ -87,12 +86,14 @@ void Recorder::save() {
   const std::string path = name_of(number_);
   try {
     write_captures(path, part_);
+    tally_.add(Count::unrecorded_frames, -static_cast<long>(unsaved_));
     saved_ = part_.captures.size();
+    unsaved_ = 0;
     if (files_.empty() || files_.back() != path) files_.push_back(path);
   } catch (const std::exception& error) {
-    whole_ = false;
-    tally_.note(Count::unrecorded_frames, error.what(),
-                static_cast<long>(part_.captures.size() - saved_));
+    const std::size_t more = part_.captures.size() - saved_ - unsaved_;
+    tally_.note(Count::unrecorded_frames, error.what(), static_cast<long>(more));
+    unsaved_ += more;
   }
 }
 

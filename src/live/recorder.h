@@ -2,7 +2,6 @@
 /// Keeps the frames of a stream in capture files.
 #pragma once
 
-#include <atomic>
 #include <string>
 #include <thread>
 #include <vector>
@@ -39,8 +38,6 @@ class Recorder {
 
   /// Writes what is left. Returns the files that hold the recording.
   std::vector<std::string> finish();
-  /// Whether everything could be written.
-  bool whole() const { return whole_; }
 
  private:
   void run();
@@ -51,10 +48,10 @@ class Recorder {
   Tally& tally_;
   Mailbox<Capture> frames_;
   CaptureFile part_;
-  std::size_t saved_ = 0;  ///< frames of the part that its file holds
-  int number_ = 1;         ///< of the part
+  std::size_t saved_ = 0;    ///< frames of the part that its file holds
+  std::size_t unsaved_ = 0;  ///< frames of the part that could not be written yet
+  int number_ = 1;           ///< of the part
   std::vector<std::string> files_;
-  std::atomic<bool> whole_ = true;
   std::thread thread_;
 };
 

@@ -25,7 +25,7 @@ Chart loss_chart(CnnArchitecture network, const CnnTrainingResult& result) {
   Chart chart{"loss", "epoch",
               wide ? "negative log likelihood of the normalised outputs, mean of the ensemble"
                    : "mean squared error of the normalised outputs"};
-  chart.logarithmic = !wide;  // a likelihood above one has a negative value
+  chart.logarithmic = !wide;  // the loss is negative where the likelihood is above one
   chart.width = 460;          // a telephone shows it at three quarters of that
   chart.height = 320;
   ChartSeries training{wide ? "training" : "training, with dropout"}, validation{"held back"};

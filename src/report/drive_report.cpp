@@ -266,7 +266,7 @@ json shortened(json value, int digits) {
   return value;
 }
 
-/// A plan with about kMost of its points, and its last one.
+/// A plan with at most kMost of its points, and its last one.
 json thinned(const std::vector<Eigen::Vector2d>& path) {
   constexpr std::size_t kMost = 40;
   std::vector<Eigen::Vector2d> points;

@@ -127,8 +127,8 @@ std::string rivals_text(const Scene& scene, const std::vector<PoseMode>& modes) 
   for (std::size_t i = 1; i < named.size(); ++i) {
     places = places && apart(scene, *named[0], *named[i]);
   }
-  std::string text = count_word(named.size()) + (places ? " places" : " answers") +
-                     (named.size() == 1 ? " explains the light: " : " explain the light: ");
+  std::string text = count_word(named.size()) + (places ? " place" : " answer") +
+                     (named.size() == 1 ? " explains the light: " : "s explain the light: ");
   for (std::size_t i = 0; i < named.size(); ++i) {
     if (i > 0) text += i + 1 == named.size() ? "; or " : "; ";
     text += mode_text(scene, *named[i], !places) + formatted(" (%.0f %%)", 100 * named[i]->weight);

@@ -36,8 +36,8 @@ constexpr double kBestTestAlarms = 0.01;
 /// a per cent of the time of 2000 captures.
 constexpr int kTruthChecks = 24;
 /// kTruthSamplings: samplings to choose from for a truth as dense as it must be, in units of the
-/// wanted one. The densest takes up to eight times as long as the coarsest. kDenser: the step from
-/// one sampling to the next. kDenseChecks: objects by which one is chosen. By judgement of time.
+/// wanted one. kDenser: the step from one sampling to the next, which takes up to eight times as
+/// long. kDenseChecks: objects by which one is chosen. By judgement of time.
 constexpr std::array kTruthSamplings{0.5, 0.7, 1.0, 1.4};
 constexpr double kDenser = 1.4;
 constexpr int kDenseChecks = 6;

@@ -171,8 +171,8 @@ std::shared_ptr<const TriangleMesh> ball(int count) {
   return make_mesh(vertices, triangles);
 }
 
-/// Processor time for a ball squeezed to a needle: its triangles are up to 100,000 times as long as
-/// wide.
+/// Processor time for a ball squeezed to a needle: its triangles are up to a million times as long
+/// as wide.
 StabilityMeasurement needle_mesh() {
   const auto round = ball(5000);
   std::vector<Eigen::Vector3d> vertices = round->vertices;
@@ -257,7 +257,7 @@ std::vector<StabilityRow> geometry_rows() {
          return refusal([&] { fit(scene, capture, without_empty_captures()); });
        }},
       {"needle_mesh", kTheme,
-       "A ball of 5000 triangles squeezed to a needle, each of its triangles up to 100,000 times "
+       "A ball of 5000 triangles squeezed to a needle, whose triangles are up to a million times "
        "as "
        "long as wide, is read and seen: processor time, no number where its light is none",
        10, "s", LimitOrigin::arithmetic, "5000 triangles, each seen from some hundred places.",

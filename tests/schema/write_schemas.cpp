@@ -164,6 +164,23 @@ Json result_schema() {
   return schema;
 }
 
+/// Objects and arrays that fit stand on one line, others have a line for each element.
+std::string readable(const Json& json, const std::string& indent = "") {
+  constexpr std::size_t kColumns = 120;
+  if (json.empty() || json.is_primitive()) return json.dump();
+  const char* brackets = json.is_array() ? "[]" : "{}";
+  const std::string inner = indent + " ";
+  std::string line, lines;
+  for (const auto& [name, value] : json.items()) {
+    const std::string element =
+        (json.is_array() ? "" : Json(name).dump() + ": ") + readable(value, inner);
+    line += (line.empty() ? "" : ", ") + element;
+    lines += (lines.empty() ? "\n" : ",\n") + inner + element;
+  }
+  const bool fits = indent.size() + line.size() < kColumns && line.find('\n') == std::string::npos;
+  return brackets[0] + (fits ? line : lines + "\n" + indent) + brackets[1];
+}
+
 int run(const fs::path& directory, bool check) {
   const Json scene = scene_schema();
   const std::vector<std::pair<std::string, Json>> schemas{{"scene", scene},
@@ -174,7 +191,7 @@ int run(const fs::path& directory, bool check) {
   int wrong = 0;
   for (const auto& [name, schema] : schemas) {
     const std::string path = (directory / (name + ".schema.json")).string();
-    const std::string text = schema.dump(1) + "\n";
+    const std::string text = readable(schema) + "\n";
     if (!check) {
       std::ofstream(path) << text;
     } else if (!fs::exists(path) || read_bytes(path) != text) {

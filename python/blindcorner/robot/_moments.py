@@ -21,7 +21,7 @@ from .._scene import PathLike, Scene, bundled
 
 Floats = NDArray[np.float64]
 
-#: About the most cells along the longer side of a grid whose cell size is not stated.
+#: A grid whose cell size is not stated has at most about this many cells along its longer side.
 GRID_CELLS = 100
 #: Time between captures that state no times, s.
 CAPTURE_INTERVAL_S = 1.0

@@ -36,8 +36,8 @@ std::vector<const Json*> zones_of(const Json& counts) {
 }
 
 /// The capture that an object holds. Throws Json::exception or Error if it holds none. `stated`:
-/// the number of zones must be that of the options' rows and columns. Otherwise another number is
-/// taken as a square, which those who know the scene refuse.
+/// the number of zones must be that of the options' rows and columns. Otherwise another number gets
+/// the rows in which `counts` comes, or else those of a square; those who know the scene refuse it.
 Capture capture_of(const Json& object, const ImportOptions& options, bool stated,
                    const std::string& where) {
   const Json& counts = object.at("counts");

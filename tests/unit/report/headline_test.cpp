@@ -89,6 +89,14 @@ TEST(Headline, SeveralModesAreSeveralPlaces) {
   EXPECT_THAT(text, AllOf(HasSubstr("(60 %); or at x 0.80 m"), HasSubstr("(40 %)")));
 }
 
+TEST(Headline, OnePlaceAndUnlikelyOthersAreOnePlace) {
+  const std::string text = fit_headline(
+      plane_scene(), result_to_say({mode_at(0.3, 0.5, 0.02, 0.88), mode_at(0.8, 0.5, 0.02, 0.04),
+                                    mode_at(1.2, 0.5, 0.02, 0.04), mode_at(1.6, 0.5, 0.02, 0.04)}));
+  EXPECT_THAT(text, AllOf(StartsWith("One place explains the light: at x 0.30 m"),
+                          HasSubstr("(88 %)"), Not(HasSubstr("0.80"))));
+}
+
 // Modes whose places cannot be told apart differ in something else, which is then said.
 TEST(Headline, ModesAtOnePlaceAreSeveralAnswers) {
   PoseMode other = mode_at(0.31, 0.5, 0.02, 0.4);

@@ -40,6 +40,9 @@ TEST(Table, CsvHasTheKeysAndUnscaledValues) {
             "name,error_m,count,holds\n"
             "a,0.0123457,12,1\n"
             "\"b, c\",,,0\n");
+  std::vector<TableRow> quoted = two_rows();
+  quoted[0].fields[0].value = "6\" pipe";
+  EXPECT_THAT(table_csv(quoted), HasSubstr("\n\"6\"\" pipe\",0.0123457,12,1\n"));
 }
 
 TEST(Table, JsonHasAllDigitsAndNullsWhereNothingIsTold) {
