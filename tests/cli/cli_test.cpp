@@ -1545,6 +1545,20 @@ TEST_F(Cli, IndexOfSomebodyElseIsLeftAlone) {
   EXPECT_FALSE(fs::exists(path("index.html")));
 }
 
+// The sentence that README says the first fit prints.
+TEST_F(Cli, TheFirstFitSaysWhatReadmeSays) {
+  const Outcome outcome = run("fit '" SOURCE_DIR "/scenes/tmf8828_wall.json' '" SOURCE_DIR
+                              "/scenes/captures/tmf8828_wall.exr' -o '" +
+                              path("out") + "'");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const std::size_t from = outcome.out.find("Found at ");
+  ASSERT_NE(from, std::string::npos) << outcome.out;
+  const std::string headline = outcome.out.substr(from, outcome.out.find('\n', from) - from);
+  std::string readme = text_of(SOURCE_DIR "/README.md");
+  std::ranges::replace(readme, '\n', ' ');
+  EXPECT_THAT(readme, HasSubstr("`" + headline + "`"));
+}
+
 // What README shows, as README writes it: who is hit, who is not, and the picture.
 TEST_F(Cli, TheDriveThatReadmeShowsIsHitBySightAloneAndNotWithTheSolver) {
   const std::string readme = text_of(SOURCE_DIR "/README.md");
