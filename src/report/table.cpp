@@ -53,7 +53,7 @@ std::string csv_cell(const TableField& field) {
   if (cell.is_boolean()) return cell.get<bool>() ? "1" : "0";
   if (cell.is_number_float()) return formatted("%.6g", cell.get<double>());
   if (!cell.is_string()) return cell.dump();
-  const std::string text = cell.get<std::string>();
+  std::string text = cell.get<std::string>();
   if (text.find_first_of(",\"\n") == std::string::npos) return text;
   std::string quoted = "\"";
   for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
