@@ -15,7 +15,7 @@ inline Eigen::Map<const Eigen::VectorXd> light_of(const ShapeBuffer& buffer) {
 
 /// Differences in steps of CompiledScene::step.
 enum class Differences {
-  one_sided,  ///< forward, backward at an upper bound: 1.5 % of the derivatives' own scale off
+  one_sided,  ///< forward, backward at an upper bound: 3 % of the derivatives' own scale off
   central
 };
 

@@ -338,13 +338,18 @@ std::pair<double, double> JsonReader::interval(const NumberRange& range) const {
   return ends;
 }
 
-std::string list_words(const std::vector<std::string>& words) {
+std::string list_choices(const std::vector<std::string>& choices) {
   std::string text;
-  for (std::size_t i = 0; i < words.size(); ++i) {
-    if (i > 0) text += i + 1 == words.size() ? " or " : ", ";
-    text += '"' + words[i] + '"';
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    if (i > 0) text += i + 1 == choices.size() ? " or " : ", ";
+    text += choices[i];
   }
   return text;
+}
+
+std::string list_words(std::vector<std::string> words) {
+  for (std::string& word : words) word = '"' + word + '"';
+  return list_choices(words);
 }
 
 std::size_t edit_distance(std::string_view a, std::string_view b) {

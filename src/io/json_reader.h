@@ -130,8 +130,10 @@ class JsonReader {
   JsonRecord* record_ = nullptr;  ///< what is asked of this place; null: it is not recorded
 };
 
+/// `a, b or c`.
+std::string list_choices(const std::vector<std::string>& choices);
 /// `"a", "b" or "c"`.
-std::string list_words(const std::vector<std::string>& words);
+std::string list_words(std::vector<std::string> words);
 
 /// Characters to insert, delete or replace (Levenshtein).
 std::size_t edit_distance(std::string_view a, std::string_view b);

@@ -55,13 +55,12 @@ Material read_material(const JsonReader& reader) {
   };
   if (reader.is_string()) return named(reader.word(words)).alone();
   if (!reader.is_object()) {
-    std::string accepted;
-    for (const std::string_view word : words) accepted += '"' + std::string(word) + "\", ";
+    std::vector<std::string> accepted;
+    for (const std::string_view word : words) accepted.push_back('"' + std::string(word) + '"');
     for (const std::string_view name : objects) {
-      const char* before = name == objects.front() ? "" : name == objects.back() ? " or " : ", ";
-      accepted += before + ("{\"" + std::string(name) + "\": {...}}");
+      accepted.push_back("{\"" + std::string(name) + "\": {...}}");
     }
-    reader.fail(accepted);
+    reader.fail(list_choices(accepted));
   }
   reader.allow_only(objects);
   const std::string_view name = reader.exactly_one_of(objects);

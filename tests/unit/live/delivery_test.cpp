@@ -151,14 +151,23 @@ TEST(LineOutput, AReaderWhoLeavesIsNoticed) {
   EXPECT_TRUE(output.broken());
 }
 
-TEST(Recorder, ALongRecordingIsSeveralWholeFilesThatHoldEveryFrame) {
-  std::string folder =
-      (std::filesystem::temp_directory_path() / "blindcorner_live_XXXXXX").string();
-  ASSERT_NE(mkdtemp(folder.data()), nullptr);
-  Tally tally;
+/// Options of a recorder that writes into a folder of its own.
+class RecorderTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder = (std::filesystem::temp_directory_path() / "blindcorner_live_XXXXXX").string();
+    ASSERT_NE(mkdtemp(folder.data()), nullptr);
+    options.path = folder + "/walk.exr";
+    options.bin_width = 1e-10;
+  }
+  void TearDown() override { std::filesystem::remove_all(folder); }
+
+  std::string folder;
   RecorderOptions options;
-  options.path = folder + "/walk.exr";
-  options.bin_width = 1e-10;
+  Tally tally;
+};
+
+TEST_F(RecorderTest, ALongRecordingIsSeveralWholeFilesThatHoldEveryFrame) {
   options.most_bytes = 4UL * 2 * 2 * 16 * sizeof(double);  // four frames
   Recorder recorder(options, tally);
   for (int i = 0; i < 10; ++i) {
@@ -180,34 +189,27 @@ TEST(Recorder, ALongRecordingIsSeveralWholeFilesThatHoldEveryFrame) {
   EXPECT_EQ(tally.of(Count::unrecorded_frames), 0);
   EXPECT_THAT(message_of([&] { Recorder({.path = folder + "/none/x.exr"}, tally); }),
               HasSubstr("its folder does not exist"));
-  std::filesystem::remove_all(folder);
 }
 
 // The frames wait for the disk, and each attempt to write them counts only those that are new.
-TEST(Recorder, FramesThatCannotBeWrittenCountOnceAndNotOnceTheyAreWritten) {
-  for (const bool comes_back : {false, true}) {
-    std::string folder =
-        (std::filesystem::temp_directory_path() / "blindcorner_live_XXXXXX").string();
-    ASSERT_NE(mkdtemp(folder.data()), nullptr);
-    Tally tally;
-    RecorderOptions options;
-    options.path = folder + "/walk.exr";
-    options.bin_width = 1e-10;
-    options.save_interval = 0;
-    Recorder recorder(options, tally);
-    std::filesystem::remove_all(folder);
-    for (int i = 0; i < 5; ++i) {
-      Capture capture;
-      capture.counts = HistogramCube(2, 2, 16);
-      recorder.add(capture, true);
-      while (tally.of(Count::unrecorded_frames) <= i) std::this_thread::yield();
-    }
-    if (comes_back) std::filesystem::create_directory(folder);
-    EXPECT_EQ(recorder.finish().size(), comes_back ? 1U : 0U);
-    EXPECT_EQ(tally.of(Count::unrecorded_frames), comes_back ? 0 : 5);
-    std::filesystem::remove_all(folder);
+class RecorderWithoutFolder : public RecorderTest, public ::testing::WithParamInterface<bool> {};
+
+TEST_P(RecorderWithoutFolder, CountsFramesOnceAndNotOnceTheyAreWritten) {
+  const bool comes_back = GetParam();
+  options.save_interval = 0;
+  Recorder recorder(options, tally);
+  std::filesystem::remove_all(folder);
+  for (int i = 0; i < 5; ++i) {
+    Capture capture;
+    capture.counts = HistogramCube(2, 2, 16);
+    recorder.add(capture, true);
+    while (tally.of(Count::unrecorded_frames) <= i) std::this_thread::yield();
   }
+  if (comes_back) std::filesystem::create_directory(folder);
+  EXPECT_EQ(recorder.finish().size(), comes_back ? 1U : 0U);
+  EXPECT_EQ(tally.of(Count::unrecorded_frames), comes_back ? 0 : 5);
 }
+INSTANTIATE_TEST_SUITE_P(ComesBack, RecorderWithoutFolder, ::testing::Bool());
 
 TEST(Access, OnlyPagesOfThisServerMayRead) {
   const AccessRules here{"127.0.0.1", 8628, ""};
