@@ -257,9 +257,19 @@ void PatchTree::build(const KnownPatches& patches, std::size_t begin, std::size_
   build(patches, split, end, parts + 1);
 }
 
+/// Whether a part lies behind the plane of a ball's cells, or on it. No patch is farther from the
+/// middle of its part than four times the half edges of the rectangle with the same moments.
+bool PatchTree::behind(const Ball& ball, const Node& part) {
+  if (ball.normal.isZero(0)) return false;
+  const double reach =
+      std::abs(ball.normal.dot(part.cell.half_u)) + std::abs(ball.normal.dot(part.cell.half_v));
+  return ball.normal.dot(part.cell.center - ball.center) + 4 * reach < 4 * kLift * part.leg;
+}
+
 void PatchTree::cut(const Ball& ball, KnownPatches& parts) const {
   parts.clear();
   const auto visit = [&](const auto& self, const Node& node) -> void {
+    if (behind(ball, node)) return;
     const double distance = (node.cell.center - ball.center).norm() - ball.radius;
     if (node.parts == 0 || node.edge <= angle_ * distance) {
       parts.add(node.cell, node.gradient, node.weight, node.leg, node.zone);
@@ -297,6 +307,13 @@ Ball ball_around(std::span<const SurfaceCell* const> cells) {
   for (const SurfaceCell* cell : cells) {
     ball.radius = std::max(ball.radius, (cell->center - ball.center).norm());
   }
+  constexpr double kParallel = 1 - 1e-9;
+  const Vector3d& normal = cells.front()->normal;
+  const bool flat = std::ranges::all_of(cells, [&](const SurfaceCell* cell) {
+    return normal.dot(cell->normal) > kParallel &&
+           std::abs(normal.dot(cell->center - ball.center)) < 1e-3 * ball.radius;
+  });
+  if (flat) ball.normal = normal;
   return ball;
 }
 

@@ -53,6 +53,8 @@ struct KnownLegs {
 struct Ball {
   Eigen::Vector3d center;
   double radius = 0;
+  /// Of the plane that all cells lie on; zero: they lie on several.
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
 };
 
 /// Patches of one zone and plane, halved again and again. Each part has the light of its patches
@@ -66,8 +68,8 @@ class PatchTree {
   /// enough at any distance.
   PatchTree(const KnownPatches& patches, double angle, double sensor_angle);
 
-  /// The coarsest parts for light to or from a ball, on planes that have some of the ball in front
-  /// of them.
+  /// The coarsest parts for light to or from a ball. Left out are those on planes that have nothing
+  /// of the ball in front of them, and those behind the ball's own plane.
   void cut(const Ball& ball, KnownPatches& parts) const;
 
   /// Groups of patches that lie close together, at most `most` patches in each.
@@ -83,6 +85,7 @@ class PatchTree {
     std::size_t begin = 0, end = 0;  // of order_
     std::size_t parts = 0;           // index of the first of two; 0: a patch
   };
+  static bool behind(const Ball& ball, const Node& part);
   void build(const KnownPatches& patches, std::size_t begin, std::size_t end, std::size_t at);
   Node sum_of(const KnownPatches& patches, std::size_t begin, std::size_t end) const;
 

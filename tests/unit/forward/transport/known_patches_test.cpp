@@ -118,6 +118,21 @@ TEST(PatchTree, NearByItIsThePatchesThemselves) {
   EXPECT_EQ(parts.size(), patches.size());
 }
 
+TEST(PatchTree, WhatLiesBehindTheCellsIsLeftOut) {
+  const KnownPatches patches = floor_and_wall();
+  const PatchTree tree(patches, 0.3, 0.4);
+  std::vector<const SurfaceCell*> cells;
+  double wall = 0;
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    if (patches.zone[i] == 0 && cells.size() < 16) cells.push_back(&patches.cells[i]);
+    if (patches.zone[i] == 1) wall += patches.weight[i];
+  }
+  KnownPatches parts;
+  tree.cut(ball_around(cells), parts);  // cells of the floor, which faces the wall and not itself
+  EXPECT_NEAR(total(parts.weight), wall, 1e-12);
+  for (const int zone : parts.zone) EXPECT_EQ(zone, 1);
+}
+
 TEST(PatchTree, BlocksHoldEachPatchOnceAndOneZone) {
   const KnownPatches patches = floor_and_wall();
   std::vector<int> times(patches.size(), 0);
