@@ -408,10 +408,14 @@ void LinearSolver::eliminate(std::span<const ZoneShapes> shapes, LinearSolution&
   solution.log_prior = 0;
   solution.log_volume = 0;
   solution.converged = true;
-  if (unknowns_.amplitude == LinearMode::per_zone) {
-    for (std::size_t z = 0; z < zones; ++z) solve_shared(shapes, z, z + 1, solution, accuracy);
-  } else {
+  if (unknowns_.amplitude == LinearMode::shared) {
     solve_shared(shapes, 0, zones, solution, accuracy);
+  } else {
+    // No unknown is common to the zones: each converges by itself, most of them at once when the
+    // start is warm.
+    for (std::size_t z = 0; z < zones; ++z) {
+      solve_shared(shapes, z, z + 1, solution, accuracy / static_cast<double>(zones));
+    }
   }
 }
 

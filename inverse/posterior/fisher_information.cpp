@@ -99,6 +99,7 @@ Eigen::MatrixXd fisher_information(const LinearSolver& solver, std::span<const Z
     const int bins = zone.bins();
     const Eigen::MatrixXd counts = a * slope.middleRows(row, bins);
     row += bins;
+    if (counts.isZero(0)) continue;  // the zone's own unknowns do not matter to the others
     const auto [mean, weight] = bins_of(solver, z, shapes[z], linear);
     Eigen::MatrixXd local = Eigen::MatrixXd::Zero(bins, 3);
     for (int k = 0; k < bins; ++k) {

@@ -528,24 +528,11 @@ ModelSet make_models(const CompiledScene& compiled, FastModelOptions fast,
   return set;
 }
 
-/// Edges of patches in the rough models of lobe pairs, against those in models(). Rough models sum
-/// over a thirtieth to an eightieth of the paths. The crossing cyclist's light is then 13 % off and
-/// its slopes 28 %, so their information is 0.8 to 1.2 times that of models().
-constexpr double kRough = 2;
-/// Level of the rough models. The other levels are finer than models().
-constexpr int kRoughLevel = -1;
-
 /// Options of the fast model at a level. The light of lobes comes from patch pairs, because a
 /// single sum has an error of its own; pairs coarser than sqrt(8) had a larger error than a single
 /// sum. The pairs' sampling follows from the first level's, without a search.
 FastModelOptions options_of(int level, const CompiledScene& compiled, bool lobes) {
   FastModelOptions fast;
-  if (level == kRoughLevel) {
-    const SamplingStep models = *compiled.models().front()->sampling_step();
-    fast.tolerance = kFirstTolerance;
-    fast.sampling_step = {kRough * models.relay, kRough * models.object, models.lobe_pairs};
-    return fast;
-  }
   if (!lobes) {
     fast.tolerance = kLevelTolerance[static_cast<std::size_t>(level)];
     if (level + 1 < kModelLevels) {
@@ -577,6 +564,18 @@ FastModelOptions options_of(int level, const CompiledScene& compiled, bool lobes
   return fast;
 }
 
+/// Paths that one render of all captures sums over where models pair the patches of lobes.
+double paths_of(const ModelSet& set) {
+  double paths = 0;
+  for (const auto& model : set) {
+    const std::optional<SamplingStep> sampling = model->sampling_step();
+    const std::optional<ModelSize> size = model->size();
+    if (!sampling || !sampling->lobe_pairs || !size) continue;
+    paths += static_cast<double>(size->lit_points) * size->seen_points * size->object_points;
+  }
+  return paths;
+}
+
 }  // namespace
 
 const ModelSet& CompiledScene::models_at(int level) const {
@@ -593,22 +592,24 @@ const ModelSet& CompiledScene::models_at(int level) const {
       .first->second;
 }
 
-const ModelSet* CompiledScene::rough_models() const {
+bool CompiledScene::pairs_lobes() const {
   const std::optional<SamplingStep> sampling = models().front()->sampling_step();
-  if (!sampling || !sampling->lobe_pairs) return nullptr;
-  return &models_at(kRoughLevel);
+  return sampling && sampling->lobe_pairs;
 }
 
 const ModelSet* CompiledScene::models_within(int level, double most_paths) const {
-  const ModelSet& set = models_at(level);
-  double paths = 0;
-  for (const auto& model : set) {
-    const std::optional<SamplingStep> sampling = model->sampling_step();
-    const std::optional<ModelSize> size = model->size();
-    if (!sampling || !sampling->lobe_pairs || !size) continue;
-    paths += static_cast<double>(size->lit_points) * size->seen_points * size->object_points;
+  // Models are not made only to find out that they have far too many paths. Patches and cells grow
+  // as many as the squares of their edges shrink, roughly.
+  constexpr double kRoughly = 4;
+  if (level > 0 && pairs_lobes()) {
+    const SamplingStep first = *models().front()->sampling_step();
+    const SamplingStep finer = *options_of(level, *this, true).sampling_step;
+    const double more =
+        std::pow(first.relay / finer.relay, 4) * std::pow(first.object / finer.object, 2);
+    if (paths_of(models()) * more > kRoughly * most_paths) return nullptr;
   }
-  return paths > most_paths ? nullptr : &set;
+  const ModelSet& set = models_at(level);
+  return paths_of(set) > most_paths ? nullptr : &set;
 }
 
 namespace {

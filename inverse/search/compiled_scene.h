@@ -88,9 +88,9 @@ struct CompiledScene {
   /// Models of a level of exactness, 0 (models()) to kModelLevels - 1, made when they are asked
   /// for. Thread safe.
   const ModelSet& models_at(int level) const;
-  /// Coarser models of pairs of lobes. Their light tells roughly how the models' changes about a
-  /// pose at which these correct it. Null where the models are cheap themselves. Thread safe.
-  const ModelSet* rough_models() const;
+  /// Whether the models sum over pairs of patches of a lobe. A render then takes milliseconds, and
+  /// `coarse`, which takes microseconds, stands in for it wherever that is enough.
+  bool pairs_lobes() const;
   /// models_at(level); null where one render of them would sum over more than `most_paths` (lit
   /// times seen times object points) of pairs of lobes.
   const ModelSet* models_within(int level, double most_paths) const;

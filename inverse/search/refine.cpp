@@ -47,8 +47,8 @@ constexpr double kRough = 0.1;
 /// times, by judgement, to limit the time.
 constexpr double kLargeGain = 2;
 constexpr int kMaxMoves = 3;
-/// If a descent on coarser pairs gains at least this, their correction is computed anew. It is the
-/// gain of a move of half a standard deviation, a third of which is lacking where slopes are 28 %
+/// If a descent on the closed form gains at least this, its correction is computed anew. It is the
+/// gain of a move of half a standard deviation, of which a part is lacking where the slopes are
 /// off.
 constexpr double kWorthAnotherMove = 0.1;
 /// Optima this far below the best one, in log posterior, are not settled: the first descent has
@@ -353,15 +353,14 @@ Refined approach(const PoseObjective& objective, const Start& start) {
     return finish(objective, *compiled.spline, std::move(result));
   }
   if (!compiled.coarse.empty()) {
-    const ModelSet* rough = compiled.rough_models();
-    if (rough == nullptr) {
+    if (!compiled.pairs_lobes()) {
       descend(objective.models(), kApproach, result);
       return finish(objective, objective.models(), std::move(result));
     }
     Refined best = descend_corrected(
-        objective, *rough, kMaxMoves, kWorthAnotherMove, std::move(result),
-        [&](const LightSource& light, Refined& next) { descend(light, kApproach, next); });
-    best.correction = {};  // of rough models that nobody else uses
+        objective, LightSource(compiled.coarse), kMaxMoves, kWorthAnotherMove, std::move(result),
+        [&](const LightSource& light, Refined& next) { descend(light, kApproachCheap, next); });
+    best.correction = {};  // of a light that nobody else uses
     return best;
   }
   for (std::size_t rung = 0; rung + 1 < compiled.ladder.size(); ++rung) {

@@ -352,21 +352,40 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
   return all;
 }
 
-/// New hypotheses from the whole search region. `share` is their total prior weight.
+/// Leaves out what weighs next to nothing beside the heaviest.
+void Tracker::leave_out_negligible(std::vector<Hypothesis>& hypotheses) const {
+  if (hypotheses.empty()) return;
+  const double least =
+      std::ranges::max_element(hypotheses, {}, &Hypothesis::log_weight)->log_weight +
+      std::log(options_.negligible_weight);
+  std::erase_if(hypotheses, [&](const Hypothesis& h) { return h.log_weight < least; });
+}
+
+/// New hypotheses from the whole search region: those that matter after a rough update get a full
+/// one. `share` is their total prior weight.
 void Tracker::search(const FrameLikelihood& frame, std::span<const VectorXd> starts, double share,
                      std::vector<Hypothesis>& hypotheses) const {
-  std::vector<FrameLikelihood::Update> updates(starts.size());
-  parallel_for(std::size_t{0}, starts.size(), [&](std::size_t i) {
-    updates[i] = modes_.empty() ? frame.update(unknown_, starts[i], inflation_)
-                                : frame.rough_update(unknown_, starts[i], inflation_);
-  });
-  for (const FrameLikelihood::Update& update : updates) {
-    Hypothesis born;
-    born.log_weight = std::log(share) + update.log_evidence;
-    born.log_likelihood = update.log_likelihood;
-    born.predicted = born.filtered = at_first(update.posterior);
+  const auto born = [&](const std::vector<VectorXd>& places, UpdateFunction update) {
+    std::vector<Hypothesis> all(places.size()), distinct;
+    parallel_for(std::size_t{0}, places.size(), [&](std::size_t i) {
+      const FrameLikelihood::Update at = (frame.*update)(unknown_, places[i], inflation_);
+      all[i].log_weight = std::log(share) + at.log_evidence;
+      all[i].log_likelihood = at.log_likelihood;
+      all[i].predicted = all[i].filtered = at_first(at.posterior);
+    });
     // Starts that led to the same optimum are one explanation, not two.
-    if (like(hypotheses, born) == hypotheses.end()) hypotheses.push_back(std::move(born));
+    for (Hypothesis& next : all) {
+      if (like(distinct, next) == distinct.end()) distinct.push_back(std::move(next));
+    }
+    return distinct;
+  };
+  std::vector<Hypothesis> roughly =
+      born({starts.begin(), starts.end()}, &FrameLikelihood::rough_update);
+  leave_out_negligible(roughly);
+  std::vector<VectorXd> places;
+  for (const Hypothesis& h : roughly) places.push_back(h.filtered.mean.head(layout_.measured));
+  for (Hypothesis& next : born(places, &FrameLikelihood::update)) {
+    if (like(hypotheses, next) == hypotheses.end()) hypotheses.push_back(std::move(next));
   }
 }
 
@@ -391,19 +410,32 @@ std::vector<Gaussian> Tracker::before_young() const {
   return before;
 }
 
+/// The hypothesis from the latest frame of a young track alone, for an object about `place`.
+Tracker::Hypothesis Tracker::judged_by_latest(const std::vector<Gaussian>& before,
+                                              const VectorXd& place, UpdateFunction by) const {
+  const YoungFrame& frame = young_.back();
+  const FrameLikelihood::Update update =
+      ((*frame.likelihood).*by)(measured_part(layout_, before.back()), place, frame.inflation);
+  Hypothesis next;
+  next.log_weight = update.log_evidence;
+  next.log_likelihood = update.log_likelihood;
+  next.filtered = before.back();
+  condition(layout_, update.posterior, next.filtered);
+  return next;
+}
+
 /// The hypothesis from all frames of a young track, for the object at the place that the latest
 /// frame alone gives (`latest`). The frames are added backwards in time. The latest frame shows the
 /// most, so each earlier frame is evaluated about a known place. For linear frames the result
 /// equals the filter's own. `before` is the result of before_young().
 Tracker::Hypothesis Tracker::judged_by_all(const std::vector<Gaussian>& before,
-                                           const Hypothesis& latest) const {
+                                           const Hypothesis& latest, UpdateFunction by) const {
   struct Step {
     MatrixXd back;  ///< takes the next frame's state to this frame's
     Gaussian predicted, filtered;
   };
   std::vector<Step> steps{{{}, before.back(), latest.filtered}};
   Hypothesis result = latest;
-  result.parent = -1;
   Gaussian state = latest.filtered;
   for (std::size_t k = young_.size() - 1; k-- > 0;) {
     Step step;
@@ -418,7 +450,7 @@ Tracker::Hypothesis Tracker::judged_by_all(const std::vector<Gaussian>& before,
     step.predicted = state;
     const Gaussian prior = measured_part(layout_, state);
     const FrameLikelihood::Update update =
-        young_[k].likelihood->update(prior, prior.mean, young_[k].inflation);
+        ((*young_[k].likelihood).*by)(prior, prior.mean, young_[k].inflation);
     condition(layout_, update.posterior, state);
     result.log_weight += update.log_evidence;
     step.filtered = state;
@@ -434,8 +466,9 @@ Tracker::Hypothesis Tracker::judged_by_all(const std::vector<Gaussian>& before,
 }
 
 /// A young track may have begun at the wrong one of several places, or may lack the right one. All
-/// frames since its begin therefore judge where the object may be. `places` come from a search of
-/// the latest frame. `shown` holds the track's own modes and receives the result.
+/// frames since its begin therefore judge where the object may be: roughly at first, then fully
+/// where it matters. `places` come from a search of the latest frame. `shown` holds the track's own
+/// modes and receives the result.
 void Tracker::search_young(std::vector<VectorXd> places, std::vector<Hypothesis>& shown) const {
   const std::size_t searched = places.size();
   for (const Hypothesis& h : shown) places.push_back(h.filtered.mean.head(layout_.measured));
@@ -446,36 +479,40 @@ void Tracker::search_young(std::vector<VectorXd> places, std::vector<Hypothesis>
       return a.log_weight > b.log_weight;
     });
   };
+  const auto roughly = &FrameLikelihood::rough_update, fully = &FrameLikelihood::update;
   std::vector<Hypothesis> latest(places.size());
   in_parallel(latest, [&](std::size_t i) {
-    const FrameLikelihood::Update update = young_.back().likelihood->update(
-        measured_part(layout_, before.back()), places[i], young_.back().inflation);
-    Hypothesis next;
-    next.log_weight = update.log_evidence;
-    next.log_likelihood = update.log_likelihood;
-    next.parent = i < searched ? -1 : shown[i - searched].parent;
-    next.filtered = before.back();
-    condition(layout_, update.posterior, next.filtered);
+    Hypothesis next = judged_by_latest(before, places[i], roughly);
+    if (i >= searched) next.parent = shown[i - searched].parent;
     return next;
   });
   // Places that led to the same optimum would take the same way through the earlier frames. If all
-  // places lead to the track's own optima, there is nothing to judge.
+  // places that matter lead to the track's own optima, there is nothing to judge.
   std::vector<Hypothesis> distinct;
-  std::vector<bool> known;
   for (Hypothesis& next : latest) {
-    const bool own = next.parent >= 0;
-    const auto at = static_cast<std::size_t>(like(distinct, next) - distinct.begin());
-    if (at == distinct.size()) {
+    const auto known = like(distinct, next);
+    if (known == distinct.end()) {
       distinct.push_back(std::move(next));
-      known.push_back(false);
+    } else if (next.parent >= 0) {
+      known->parent = next.parent;
     }
-    if (own) known[at] = true;
   }
-  if (std::ranges::all_of(known, std::identity{})) return;
-  std::vector<Hypothesis> judged(distinct.size());
-  in_parallel(judged, [&](std::size_t i) { return judged_by_all(before, distinct[i]); });
+  const auto only_own = [&] {
+    return std::ranges::all_of(distinct, [](const Hypothesis& h) { return h.parent >= 0; });
+  };
+  if (only_own()) return;
+  std::vector<Hypothesis> candidates = distinct;
+  in_parallel(distinct,
+              [&](std::size_t i) { return judged_by_all(before, candidates[i], roughly); });
+  leave_out_negligible(distinct);
+  if (only_own()) return;
+  candidates = distinct;
+  in_parallel(distinct, [&](std::size_t i) {
+    const VectorXd place = candidates[i].filtered.mean.head(layout_.measured);
+    return judged_by_all(before, judged_by_latest(before, place, fully), fully);
+  });
   std::vector<Hypothesis> result;
-  for (Hypothesis& next : judged) {
+  for (Hypothesis& next : distinct) {
     if (like(result, next) != result.end()) continue;
     // A mode that the track already has continues that mode.
     if (const auto own = like(shown, next); own != shown.end()) {
@@ -666,7 +703,8 @@ double milliseconds_since(std::chrono::steady_clock::time_point start) {
 
 }  // namespace
 
-FitResult track_frame(const Fitter& fitter, Tracker& tracker, const Capture& capture, double dt) {
+FitResult track_frame(const Fitter& fitter, Tracker& tracker, const Capture& capture, double dt,
+                      bool described) {
   const auto start = std::chrono::steady_clock::now();
   FitResult result;
   result.sources = {capture.source};
@@ -677,14 +715,16 @@ FitResult track_frame(const Fitter& fitter, Tracker& tracker, const Capture& cap
   const TrackPoint point = tracker.advance(dt, frame);
   result.posterior = mixture_of(fitter.scene(), tracker.motion(), point);
   result.track = summary_of(tracker.layout(), point);
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  result.goodness_of_fit = {none, none, none, point.inflation};
   if (point.modes.empty()) {
     result.flags.emplace_back("nothing_detected");
-    const double none = std::numeric_limits<double>::quiet_NaN();
-    result.goodness_of_fit = {none, none, none, point.inflation};
   } else {
     const TrackMode& mode = point.modes.front();
-    frame->describe(mode.state.mean.head(tracker.layout().measured), result);
-    result.goodness_of_fit.inflation = point.inflation;
+    if (described) {
+      frame->describe(mode.state.mean.head(tracker.layout().measured), result);
+      result.goodness_of_fit.inflation = point.inflation;
+    }
     if (point.modes.size() > 1 && mode.weight < kOneMode) result.flags.emplace_back("multimodal");
     if (mode.coasted > 0) result.flags.emplace_back("predicted");
     if (at_bound(fitter.scene(), mode.state)) result.flags.emplace_back("at_bound");

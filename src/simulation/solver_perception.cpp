@@ -37,7 +37,7 @@ class SolverPerception final : public Perception {
     placed.T_world_sensor = T_world_sensor;
     try {
       const double dt = last_ ? time - *last_ : 0.0;
-      const FitResult result = track_frame(*fitter_, tracker_, placed, dt);
+      const FitResult result = track_frame(*fitter_, tracker_, placed, dt, false);
       last_ = time;
       answer.mixture = result.posterior;
       answer.flags = result.flags;

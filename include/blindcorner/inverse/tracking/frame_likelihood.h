@@ -34,8 +34,8 @@ class FrameLikelihood {
   virtual Update update(const Gaussian& prior, const Eigen::VectorXd& start,
                         double inflation) const = 0;
 
-  /// The same without a finer model of the light, and accordingly less certain. It is for one of
-  /// several places, about which the next frames tell more.
+  /// The same with a cheaper light, and accordingly less certain. It is for one of several places,
+  /// about which the next frames tell more.
   virtual Update rough_update(const Gaussian& prior, const Eigen::VectorXd& start,
                               double inflation) const {
     return update(prior, start, inflation);

@@ -157,6 +157,12 @@ class Tracker {
     double inflation = 1;
   };
 
+  /// FrameLikelihood::update or rough_update.
+  using UpdateFunction = FrameLikelihood::Update (FrameLikelihood::*)(const Gaussian&,
+                                                                      const Eigen::VectorXd&,
+                                                                      double) const;
+
+  void leave_out_negligible(std::vector<Hypothesis>& hypotheses) const;
   void predict_all(double dt);
   bool search_is_due() const;
   double log_odds(double log_present, double log_empty) const;
@@ -165,7 +171,10 @@ class Tracker {
               std::vector<Hypothesis>& hypotheses) const;
   Gaussian at_first(const Gaussian& measured) const;
   std::vector<Gaussian> before_young() const;
-  Hypothesis judged_by_all(const std::vector<Gaussian>& before, const Hypothesis& latest) const;
+  Hypothesis judged_by_latest(const std::vector<Gaussian>& before, const Eigen::VectorXd& place,
+                              UpdateFunction by) const;
+  Hypothesis judged_by_all(const std::vector<Gaussian>& before, const Hypothesis& latest,
+                           UpdateFunction by) const;
   void search_young(std::vector<Eigen::VectorXd> places, std::vector<Hypothesis>& shown) const;
   void keep(std::vector<Hypothesis> hypotheses);
   void adapt(const Innovation& innovation, double dt);
@@ -199,8 +208,10 @@ class Tracker {
 
 /// Tracks one frame of a sequence and returns it as a result. The modes are those of the track
 /// after this frame. Their means and covariances are the filter's; the covariances include the
-/// motion's position error. The result's `track` lacks what later frames add.
-FitResult track_frame(const Fitter& fitter, Tracker& tracker, const Capture& capture, double dt);
+/// motion's position error. The result's `track` lacks what later frames add. Unless `described`,
+/// it has no histograms and no goodness of fit, which take a tenth of the time.
+FitResult track_frame(const Fitter& fitter, Tracker& tracker, const Capture& capture, double dt,
+                      bool described = true);
 
 /// Adds the tracker's smoothed states to the results of all its frames, given in order.
 void add_smoothed(const Scene& scene, const Tracker& tracker, std::span<FitResult> results);
