@@ -131,6 +131,43 @@ class LookedAtFrame final : public FrameLikelihood {
   VectorXd place_;
 };
 
+/// A frame whose rough updates weigh its places otherwise than its full updates do.
+class RoughlyJudgedFrame final : public FrameLikelihood {
+ public:
+  struct Place {
+    VectorXd at;
+    double roughly, fully;  ///< log evidence
+  };
+  explicit RoughlyJudgedFrame(std::vector<Place> places) : places_(std::move(places)) {}
+
+  Update update(const Gaussian&, const VectorXd& start, double) const override {
+    ++full_updates_;
+    return at(start, nearest(start).fully);
+  }
+  Update rough_update(const Gaussian&, const VectorXd& start, double) const override {
+    return at(start, nearest(start).roughly);
+  }
+  std::vector<VectorXd> starts() const override {
+    std::vector<VectorXd> all;
+    for (const Place& place : places_) all.push_back(place.at);
+    return all;
+  }
+  double log_evidence_empty(double) const override { return -60; }
+  void describe(const VectorXd&, FitResult&) const override {}
+
+  mutable std::atomic<int> full_updates_{0};  ///< so far
+
+ private:
+  const Place& nearest(const VectorXd& start) const {
+    return *std::ranges::min_element(places_, {},
+                                     [&](const Place& place) { return (place.at - start).norm(); });
+  }
+  Update at(const VectorXd& start, double log_evidence) const {
+    return {{nearest(start).at, 0.01 * MatrixXd::Identity(2, 2)}, log_evidence, 0};
+  }
+  std::vector<Place> places_;
+};
+
 /// Never surprised and never in doubt: the Kalman filter's own assumptions.
 TrackerOptions certain() {
   TrackerOptions options;
@@ -449,6 +486,18 @@ TEST(Tracker, SearchesWhereTheLookAtAllPlacesLeavesADoubt) {
   always.worth_a_search = 0;
   Tracker thorough(scene, walking(), always);
   EXPECT_TRUE(thorough.advance(0, std::make_shared<LookedAtFrame>(-50, place)).searched);
+}
+
+// A search of a crossing asked for ten times as many renders of pairs as its best places needed.
+TEST(Tracker, ASearchJudgesFullyOnlyWhatMattersRoughly) {
+  const auto frame = std::make_shared<RoughlyJudgedFrame>(std::vector<RoughlyJudgedFrame::Place>{
+      {vector({2, 2}), -15, -13}, {vector({-2, 1}), -18, -10}, {vector({0, -3}), -40, 0}});
+  Tracker tracker(floor_scene(), walking());
+  const TrackPoint point = tracker.advance(0, frame);
+  EXPECT_EQ(frame->full_updates_, 2);  // not where the rough light leaves exp(-25) of the weight
+  ASSERT_EQ(point.modes.size(), 2U);
+  EXPECT_LT((point.modes.front().state.mean.head(2) - vector({-2, 1})).norm(), 1e-9);
+  EXPECT_NEAR(std::log(point.modes[1].weight / point.modes[0].weight), -3, 1e-6);
 }
 
 TEST(Tracker, OneFrameElsewhereDoesNotMoveTheTrackButSeveralDo) {
