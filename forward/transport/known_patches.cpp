@@ -17,6 +17,8 @@ using Eigen::Vector3d;
 /// Height of a patch over its surface relative to its distance: a hundred times the precision of a
 /// ray.
 constexpr double kLift = 1e-5;
+/// Least cosine between the normals of cells on one plane: far above rounding.
+constexpr double kParallel = 1 - 1e-9;
 
 double longer_edge(const SurfaceCell& cell) {
   return 2 * std::max(cell.half_u.norm(), cell.half_v.norm());
@@ -164,7 +166,6 @@ PatchTree::PatchTree(const KnownPatches& patches, double angle, double sensor_an
     const SurfaceCell& cell = patches.cells[i];
     const auto belongs = [&](const Group& group) {
       const SurfaceCell& first = patches.cells[group.patches.front()];
-      constexpr double kParallel = 1 - 1e-9;
       return group.zone == patches.zone[i] && cell.normal.dot(first.normal) > kParallel &&
              std::abs(first.normal.dot(cell.center - first.center)) <
                  2 * kLift * (patches.leg[i] + patches.leg[group.patches.front()]);
@@ -257,8 +258,9 @@ void PatchTree::build(const KnownPatches& patches, std::size_t begin, std::size_
   build(patches, split, end, parts + 1);
 }
 
-/// Whether a part lies behind the plane of a ball's cells, or on it. No patch is farther from the
-/// middle of its part than four times the half edges of the rectangle with the same moments.
+/// Whether a part lies behind the plane of a ball's cells, or on it. The half edges are sqrt(3)
+/// standard deviations of the light's place, so that at most 1 / (4 sqrt(3))^2 = 2 % of the part's
+/// light lies farther from its middle than four times these (Chebyshev).
 bool PatchTree::behind(const Ball& ball, const Node& part) {
   if (ball.normal.isZero(0)) return false;
   const double reach =
@@ -307,7 +309,6 @@ Ball ball_around(std::span<const SurfaceCell* const> cells) {
   for (const SurfaceCell* cell : cells) {
     ball.radius = std::max(ball.radius, (cell->center - ball.center).norm());
   }
-  constexpr double kParallel = 1 - 1e-9;
   const Vector3d& normal = cells.front()->normal;
   const bool flat = std::ranges::all_of(cells, [&](const SurfaceCell* cell) {
     return normal.dot(cell->normal) > kParallel &&

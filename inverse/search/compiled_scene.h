@@ -92,7 +92,7 @@ struct CompiledScene {
   /// `coarse`, which takes microseconds, stands in for it wherever that is enough.
   bool pairs_lobes() const;
   /// models_at(level); null where one render of them would sum over more than `most_paths` (lit
-  /// times seen times object points) of pairs of lobes.
+  /// times seen times object points) of pairs of lobes. They are not made where it would by far.
   const ModelSet* models_within(int level, double most_paths) const;
   /// Cheap models with the true pulse. They exist only without closed-form models.
   const ModelSet& cheap_models() const { return ladder[ladder.size() - 2]; }
