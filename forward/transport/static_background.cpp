@@ -99,6 +99,10 @@ StaticLightSampling coarser_than(const StaticLightSampling& sampling) {
 constexpr std::array kBrightDensities{2.8, 2.0, 1.4};
 constexpr std::size_t kBrightLegs = 3'000'000;
 
+/// Most legs of the usual sampling where every frame needs the light anew: up to 30 ms of two
+/// processors. On the crossing, with three times as many, the coarser sampling takes half the time.
+constexpr std::size_t kTimelyLegs = 1'000'000;
+
 /// Density of the coarse bounces. They tell whether the light that a hidden object blocks matters.
 /// On a desk, the blocked light is off by 40 % (L2) in the coarse bounces and by 3 % in the
 /// usual ones.
@@ -850,9 +854,31 @@ const KnownBounces& StaticBackgroundModel::coarser_bounces() const {
   return *coarser_;
 }
 
-const KnownBounces& StaticBackgroundModel::bounces_of(KnownLightSampling sampling) const {
-  const KnownBounces* finer = sampling == KnownLightSampling::fine ? finer_bounces() : nullptr;
-  return finer != nullptr ? *finer : bounces_;
+bool StaticBackgroundModel::any_coarser() const {
+  std::call_once(timely_once_, [this] {
+    const SensorPlacement own = sensor_placement(scene_);
+    if (!bounces_.any() || !own.relay_points.empty()) return;
+    coarser_is_timely_ = bounces_.legs(RelaySetup(scene_, own)) > kTimelyLegs;
+  });
+  return coarser_is_timely_;
+}
+
+KnownLightSampling StaticBackgroundModel::bounces_sampling(Sampling wanted) const {
+  if (wanted == Sampling::fine && finer_bounces() == nullptr) return Sampling::usual;
+  if (wanted == Sampling::timely && !any_coarser()) return Sampling::usual;
+  return wanted;
+}
+
+const KnownBounces& StaticBackgroundModel::bounces_of(Sampling wanted) const {
+  switch (bounces_sampling(wanted)) {
+    case Sampling::fine:
+      return *finer_bounces();
+    case Sampling::timely:
+      return coarser_bounces();
+    case Sampling::usual:
+      break;
+  }
+  return bounces_;
 }
 
 bool StaticBackgroundModel::any_finer() const {
@@ -901,16 +927,18 @@ StaticBackgroundModel::Own StaticBackgroundModel::measured_bounces(Sampling samp
   if (!bounces_.any() || !own.relay_points.empty()) return {};
   const RelaySetup setup(scene_, own);
   const Sensor& sensor = scene_.sensor;
-  HistogramCube light(sensor.rows, sensor.columns, sensor.bins), coarser = light;
+  HistogramCube light(sensor.rows, sensor.columns, sensor.bins), other = light;
   const KnownBounces& bounces = bounces_of(sampling);
-  const KnownBounces& below = &bounces == &bounces_ ? coarser_bounces() : bounces_;
-  const std::size_t legs = bounces.legs(setup), legs_below = below.legs(setup);
-  if (legs == 0 || legs_below == 0) return {};  // the sensor sees no surfaces that face each other
+  const KnownBounces& beside = &bounces == &bounces_ ? coarser_bounces() : bounces_;
+  const std::size_t legs = bounces.legs(setup), legs_beside = beside.legs(setup);
+  if (legs == 0 || legs_beside == 0) return {};  // the sensor sees no surfaces that face each other
   bounces.add(setup, pulses_, light);
-  below.add(setup, pulses_, coarser);
-  const double times = static_cast<double>(legs) / static_cast<double>(legs_below);
-  return {total(light),
-          of_difference(times) * relative_error(light, coarser, smoothed(sensor, light))};
+  beside.add(setup, pulses_, other);
+  const double times = static_cast<double>(legs) / static_cast<double>(legs_beside);
+  const double difference = relative_error(light, other, smoothed(sensor, light));
+  // The coarser of both samplings has sqrt(legs) times the error of the finer one.
+  return {total(light), times > 1 ? of_difference(times) * difference
+                                  : of_difference(1 / times) * difference / std::sqrt(times)};
 }
 
 const StaticBackgroundModel::Own& StaticBackgroundModel::own_direct(bool fine) const {
@@ -920,9 +948,9 @@ const StaticBackgroundModel::Own& StaticBackgroundModel::own_direct(bool fine) c
 }
 
 const StaticBackgroundModel::Own& StaticBackgroundModel::own_bounces(Sampling sampling) const {
-  const std::size_t fine = &bounces_of(sampling) == &bounces_ ? 0 : 1;
-  std::call_once(bounces_once_[fine], [&] { own_bounces_[fine] = measured_bounces(sampling); });
-  return own_bounces_[fine];
+  const auto used = static_cast<std::size_t>(bounces_sampling(sampling));
+  std::call_once(bounces_once_[used], [&] { own_bounces_[used] = measured_bounces(sampling); });
+  return own_bounces_[used];
 }
 
 bool StaticBackgroundModel::fine_direct(Sampling sampling) const {

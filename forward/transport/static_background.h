@@ -119,6 +119,8 @@ class StaticBackgroundModel {
  public:
   explicit StaticBackgroundModel(const Scene& scene);
   bool any_bounces() const { return bounces_.any(); }
+  /// Whether the timely sampling is coarser than the usual one.
+  bool any_coarser() const;
   /// Whether the fine sampling differs from the usual one.
   bool any_finer() const;
   /// Light in W/m^2 per bin, crosstalk included. Without `bounces` it is the direct return alone.
@@ -151,6 +153,8 @@ class StaticBackgroundModel {
   const Own& own_bounces(Sampling sampling) const;
   /// Whether the direct return's finer cells are worth their time.
   bool fine_direct(Sampling sampling) const;
+  /// The sampling of the bounces that a wanted one comes to: the usual one where none differs.
+  Sampling bounces_sampling(Sampling wanted) const;
   const KnownBounces& bounces_of(Sampling sampling) const;
   /// Bounces sampled more finely than usual; null where there are none or they cost too much.
   const KnownBounces* finer_bounces() const;
@@ -162,9 +166,14 @@ class StaticBackgroundModel {
   KnownBounces bounces_;
   PulseTable pulses_;
   mutable std::once_flag finer_once_, coarser_once_, shadow_once_;
+  mutable std::once_flag timely_once_;
+  mutable bool coarser_is_timely_ = false;
   /// [0]: usual sampling, [1]: fine sampling.
-  mutable std::array<std::once_flag, 2> direct_once_, bounces_once_;
-  mutable std::array<Own, 2> own_direct_, own_bounces_;
+  mutable std::array<std::once_flag, 2> direct_once_;
+  mutable std::array<Own, 2> own_direct_;
+  /// By KnownLightSampling.
+  mutable std::array<std::once_flag, 3> bounces_once_;
+  mutable std::array<Own, 3> own_bounces_;
   mutable std::unique_ptr<KnownBounces> finer_, coarser_, shadow_;
 };
 

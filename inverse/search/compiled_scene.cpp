@@ -667,12 +667,14 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
   bool closed_form = grid.closed_form && knowledge->coarse() != nullptr;
 
   compiled->knowledge = knowledge;
+  compiled->known_light = options.known_light;
   compiled->placements = placements;
   const auto models = [&](double extra_sigma, double tolerance) {
     FastModelOptions fast;
     fast.sampling_step = knowledge->sampling_step(tolerance);
     fast.tolerance = tolerance;
     fast.extra_pulse_sigma = extra_sigma;
+    fast.known_light = options.known_light;
     const auto made = [&](double share) {
       if (options.progress && placements.size() > 1) options.progress("compiling", share);
     };
@@ -755,7 +757,9 @@ std::unique_ptr<CompiledScene> compile(const Scene& scene,
 }
 
 const GatedBackground& CompiledScene::fine_background() const {
-  if (!knowledge->transport()->static_background()->any_finer()) return background;
+  const StaticBackgroundModel& known = *knowledge->transport()->static_background();
+  if (known_light == KnownLightSampling::timely && known.any_coarser()) return background;
+  if (!known.any_finer()) return background;
   std::call_once(fine_background_once_, [this] {
     FastModelOptions fast;
     fast.sampling_step = models().front()->sampling_step();

@@ -89,7 +89,7 @@ class CaptureLikelihood final : public FrameLikelihood {
 
   Update update(const Gaussian& prior, const Eigen::VectorXd& start,
                 double inflation) const override {
-    const Fitted fitted = with_model(prior, start, inflation, true);
+    const Fitted fitted = fit(prior, start, inflation, BestLight::finer);
     const LightSource light = fitted.light.corrected();
     Update result = as_it_falls(light, prior, fitted.best, inflation);
     if (fitted.error >= kSmallMove) {
@@ -100,13 +100,8 @@ class CaptureLikelihood final : public FrameLikelihood {
 
   Update rough_update(const Gaussian& prior, const Eigen::VectorXd& start,
                       double inflation) const override {
-    Fitted fitted{{}, cheap_light(), 0};
-    if (pairs_) {
-      fitted.best = descend(fitted.light.source, prior, start, inflation);
-      fitted.error = kClosedFormError * std::sqrt(fitted.best.signal);
-    } else {
-      fitted = with_model(prior, start, inflation, false);
-    }
+    const Fitted fitted =
+        fit(prior, start, inflation, pairs_ ? BestLight::cheap : BestLight::models);
     return less_sure(fitted.light.corrected(), prior, fitted, inflation);
   }
 
@@ -266,6 +261,9 @@ class CaptureLikelihood final : public FrameLikelihood {
     double error;
   };
 
+  /// The best light that a descent may ask for.
+  enum class BestLight { cheap, models, finer };
+
   /// The spline, or closed form instead of pairs. Without either, the models themselves.
   CheapLight cheap_light() const {
     if (compiled_.spline) return {LightSource(*compiled_.spline), {}};
@@ -273,11 +271,11 @@ class CaptureLikelihood final : public FrameLikelihood {
     return {LightSource(compiled_.models()), {}};
   }
 
-  /// Descends on a cheap light that the models correct. Where their error may move the optimum,
-  /// finer models take over at the end: the error is much the same in all frames, so that no number
+  /// Descends on a cheap light. Where its error may move the optimum, the models correct it, and
+  /// where theirs may, finer models do: the error is much the same in all frames, so that no number
   /// of frames averages it out.
-  Fitted with_model(const Gaussian& prior, const Eigen::VectorXd& start, double inflation,
-                    bool may_be_finer) const {
+  Fitted fit(const Gaussian& prior, const Eigen::VectorXd& start, double inflation,
+             BestLight most) const {
     const bool spline = compiled_.spline != nullptr;
     const bool exact = compiled_.knowledge->coarse() == nullptr;  // measured laws
     Fitted fitted{{}, cheap_light(), 0};
@@ -285,13 +283,17 @@ class CaptureLikelihood final : public FrameLikelihood {
     CheapLight& light = fitted.light;
     best.at = start;
     clamp(best.at);
-    best = pairs_ ? descend_corrected(light, compiled_.models(), prior, best, inflation)
-                  : descend(light.source, prior, best.at, inflation);
+    best = descend(light.source, prior, best.at, inflation);
+    if (pairs_) {
+      fitted.error = kClosedFormError * std::sqrt(best.signal);
+      if (most == BestLight::cheap || fitted.error < kSmallMove) return fitted;
+      best = descend_corrected(light, compiled_.models(), prior, best, inflation);
+    }
     const auto error_of = [&](int level) {
       return exact ? 0.0 : light_error(compiled_.scene, level) * std::sqrt(best.signal);
     };
     fitted.error = error_of(0);
-    const ModelSet* finer = may_be_finer && fitted.error > kSmallMove
+    const ModelSet* finer = most == BestLight::finer && fitted.error > kSmallMove
                                 ? compiled_.models_within(kFiner, kMostPaths)
                                 : nullptr;
     if (spline || finer != nullptr) {

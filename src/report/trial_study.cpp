@@ -17,6 +17,7 @@
 #include "blindcorner/simulation/perception.h"
 #include "io/file_bytes.h"
 #include "io/json_reader.h"
+#include "simulation/solver_perception.h"
 
 namespace blindcorner {
 namespace {
@@ -94,7 +95,7 @@ TrialRunner::TrialRunner(const TrialRequest& request)
       study_(trial_study(drive_, scene_bytes(request.drive), request.options.seed)),
       sensor_(drive_.scene),
       // What the solver computes once for a scene is computed once for all drives.
-      fitter_(std::make_shared<const Fitter>(drive_.scene)) {}
+      fitter_(make_timely_fitter(drive_.scene)) {}
 
 TrialResult TrialRunner::run(const Trial& trial) const {
   return run_trial(drive_, sensor_, trial, fitter_, networks_);

@@ -4,7 +4,6 @@
 #include <memory>
 #include <optional>
 
-#include "blindcorner/inverse/fit.h"
 #include "blindcorner/inverse/tracking/tracker.h"
 
 namespace blindcorner {
@@ -27,7 +26,7 @@ PoseVelocity velocity_of(const TrackLayout& layout, const Gaussian& state) {
 class SolverPerception final : public Perception {
  public:
   explicit SolverPerception(const PerceptionSetup& setup)
-      : fitter_(setup.fitter ? setup.fitter : std::make_shared<const Fitter>(setup.scene)),
+      : fitter_(setup.fitter ? setup.fitter : make_timely_fitter(setup.scene)),
         tracker_(fitter_->scene(), setup.motion) {}
 
   PerceptionAnswer perceive(const Capture& capture, const Transform& T_world_sensor,
@@ -57,6 +56,12 @@ class SolverPerception final : public Perception {
 };
 
 }  // namespace
+
+std::shared_ptr<const Fitter> make_timely_fitter(const Scene& scene) {
+  FitOptions options;
+  options.known_light = KnownLightSampling::timely;
+  return std::make_shared<const Fitter>(scene, options);
+}
 
 std::unique_ptr<Perception> make_solver_perception(const PerceptionSetup& setup) {
   return std::make_unique<SolverPerception>(setup);

@@ -4,9 +4,13 @@
 
 #include <memory>
 
+#include "blindcorner/inverse/fit.h"
 #include "blindcorner/simulation/perception.h"
 
 namespace blindcorner {
+
+/// A fitter that answers in time for a sensor that moves.
+std::shared_ptr<const Fitter> make_timely_fitter(const Scene& scene);
 
 std::unique_ptr<Perception> make_solver_perception(const PerceptionSetup& setup);
 

@@ -17,6 +17,7 @@
 #include "blindcorner/forward/scene/pose_mixture.h"
 #include "blindcorner/forward/scene/scene.h"
 #include "blindcorner/forward/sensor/capture.h"
+#include "blindcorner/forward/transport/forward_model.h"
 
 namespace blindcorner {
 
@@ -41,6 +42,8 @@ struct FitOptions {
   /// tolerance follows from each capture, so that the model's error stays small against the photon
   /// noise. The rest of the error then enters the covariance.
   std::optional<double> model_tolerance;
+  /// Sampling of the known scene's light; never `fine`, which captures ask for by themselves.
+  KnownLightSampling known_light = KnownLightSampling::usual;
   /// Most poses that are scored exhaustively before refinement. The pulse is widened when the
   /// search region would need more poses. In closed form, a pose costs microseconds for each sensor
   /// placement. The values are a judgement between time (seconds once for a scene, some

@@ -132,8 +132,10 @@ std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
 /// error of the usual sampling matters beside the photon noise. It has a tenth of the direct
 /// return's error, unless that error is small beside the bounces' error in any case. It also lowers
 /// the bounces' error where that takes some 20 ms at most. Where it can do neither, it is the usual
-/// sampling.
-enum class KnownLightSampling { usual, fine };
+/// sampling. `timely` is for a moving sensor, whose every frame needs the light anew: where the
+/// usual sampling of the bounces takes more than some 30 ms, one of about half the time and twice
+/// the error takes its place. Elsewhere, it is the usual sampling.
+enum class KnownLightSampling { timely, usual, fine };
 
 struct FastModelOptions {
   /// Sums of float weights are accurate to about 1e-6. No number of cells would meet a tolerance
