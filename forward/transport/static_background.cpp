@@ -99,9 +99,9 @@ StaticLightSampling coarser_than(const StaticLightSampling& sampling) {
 constexpr std::array kBrightDensities{2.8, 2.0, 1.4};
 constexpr std::size_t kBrightLegs = 3'000'000;
 
-/// Most legs of the usual sampling where every frame needs the light anew: up to 30 ms of two
-/// processors. On the crossing, with three times as many, the coarser sampling takes half the time.
-constexpr std::size_t kTimelyLegs = 1'000'000;
+/// Most legs of the usual sampling where every frame needs the light anew: up to 20 ms of two
+/// processors. On the crossing, with six times as many, the coarser sampling takes half the time.
+constexpr std::size_t kTimelyLegs = 500'000;
 
 /// Density of the coarse bounces. They tell whether the light that a hidden object blocks matters.
 /// On a desk, the blocked light is off by 40 % (L2) in the coarse bounces and by 3 % in the

@@ -133,7 +133,7 @@ std::unique_ptr<ForwardModel> make_reference_renderer(const Scene& scene,
 /// return's error, unless that error is small beside the bounces' error in any case. It also lowers
 /// the bounces' error where that takes some 20 ms at most. Where it can do neither, it is the usual
 /// sampling. `timely` is for a moving sensor, whose every frame needs the light anew: where the
-/// usual sampling of the bounces takes more than some 30 ms, one of about half the time and twice
+/// usual sampling of the bounces takes more than some 20 ms, one of about half the time and twice
 /// the error takes its place. Elsewhere, it is the usual sampling.
 enum class KnownLightSampling { timely, usual, fine };
 

@@ -8,9 +8,11 @@
 #include <cmath>
 #include <numeric>
 #include <random>
+#include <utility>
 
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/credible_level.h"
+#include "forward/transport/scene_transport.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {
@@ -172,6 +174,54 @@ TEST(BackgroundError, IsNoObjectHoweverBrightTheRoom) {
   }
   // One in twenty is what the alarm allows itself: three of twelve are not exceeded in 0.998.
   EXPECT_LE(alarms, kSeeds / 4);
+}
+
+// Every frame of a moving sensor needs the light anew. Where the usual sampling takes long, a
+// coarser one says by how much more it may be off, and no capture is so bright that a finer one is
+// sampled after all.
+TEST(BackgroundError, OfLightInTimeIsStated) {
+  const Scene scene = read_scene(SOURCE_DIR "/scenes/crossing_cyclist.json");
+  const auto transport = make_scene_transport(scene);
+  ASSERT_TRUE(transport->static_background()->any_coarser());
+  SensorPlacement elsewhere = sensor_placement(scene);
+  elsewhere.T_world_sensor.translation().x() -= 3;
+  const auto background = [&](KnownLightSampling sampling) {
+    FastModelOptions options;
+    options.tolerance = kFirstTolerance;
+    options.known_light = sampling;
+    auto model = make_fast_model(transport, elsewhere, options);
+    return std::pair{model->static_background(), total(model->background_error())};
+  };
+  const auto [usual, usual_error] = background(KnownLightSampling::usual);
+  const auto [timely, timely_error] = background(KnownLightSampling::timely);
+  const double little = 1e-4 * *std::ranges::max_element(usual.values);
+  double difference = 0, stated = 0, stated_usually = 0;
+  for (std::size_t i = 0; i < usual.values.size(); ++i) {
+    if (usual.values[i] < little) continue;
+    const double noise = usual.values[i];
+    difference += std::pow(timely.values[i] - usual.values[i], 2) / noise;
+    stated += std::pow(timely_error.values[i], 2) / noise;
+    stated_usually += std::pow(usual_error.values[i], 2) / noise;
+  }
+  EXPECT_GT(stated, 2 * stated_usually);
+  EXPECT_LT(stated, 16 * stated_usually);
+  EXPECT_LT(difference, stated + stated_usually);
+  EXPECT_GT(difference, 0.02 * stated);  // errors that go together are stated as larger ones
+
+  FitOptions options;
+  options.known_light = KnownLightSampling::timely;
+  GridOptions grid;
+  grid.closed_form = true;
+  grid.max_poses = 200;
+  const auto compiled = compile(scene, {elsewhere}, options, grid);
+  EXPECT_EQ(&compiled->fine_background(), &compiled->background);
+}
+
+TEST(BackgroundError, IsAsUsualWhereLightTakesLittleTime) {
+  const Scene scene = read_scene(SOURCE_DIR "/scenes/aisle_crossing.json");
+  const auto transport = make_scene_transport(scene);
+  EXPECT_TRUE(transport->static_background()->any_bounces());
+  EXPECT_FALSE(transport->static_background()->any_coarser());
 }
 
 }  // namespace
