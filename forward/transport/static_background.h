@@ -153,7 +153,7 @@ class StaticBackgroundModel {
   const Own& own_bounces(Sampling sampling) const;
   /// Whether the direct return's finer cells are worth their time.
   bool fine_direct(Sampling sampling) const;
-  /// The sampling of the bounces that a wanted one comes to: the usual one where none differs.
+  /// The sampling of the bounces for a wanted one: `usual` where they have no other.
   Sampling bounces_sampling(Sampling wanted) const;
   const KnownBounces& bounces_of(Sampling sampling) const;
   /// Bounces sampled more finely than usual; null where there are none or they cost too much.

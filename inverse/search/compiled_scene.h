@@ -78,8 +78,7 @@ struct CompiledScene {
   /// Histograms between the scored poses. Null where poses are scored in closed form, the pulse had
   /// to be widened, or the grid is too large.
   std::unique_ptr<SplineGrid> spline;
-  /// The known light's sampling, at which captures of any brightness stay where it is coarser than
-  /// the usual one.
+  /// FitOptions::known_light.
   KnownLightSampling known_light = KnownLightSampling::usual;
   std::vector<HistogramCube> static_background;  ///< [captures]; none where there is none
   GatedBackground background;
