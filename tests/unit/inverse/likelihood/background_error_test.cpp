@@ -194,17 +194,24 @@ TEST(BackgroundError, OfLightInTimeIsStated) {
   };
   const auto [usual, usual_error] = background(KnownLightSampling::usual);
   const auto [timely, timely_error] = background(KnownLightSampling::timely);
+  const auto reference = make_reference_renderer(scene, elsewhere, reference_sampling(0.5));
+  const HistogramCube truth = reference->static_background();
   const double little = 1e-4 * *std::ranges::max_element(usual.values);
-  double difference = 0, stated = 0, stated_usually = 0;
+  double difference = 0, stated = 0, stated_usually = 0, off = 0, off_usually = 0;
   for (std::size_t i = 0; i < usual.values.size(); ++i) {
     if (usual.values[i] < little) continue;
     const double noise = usual.values[i];
     difference += std::pow(timely.values[i] - usual.values[i], 2) / noise;
     stated += std::pow(timely_error.values[i], 2) / noise;
     stated_usually += std::pow(usual_error.values[i], 2) / noise;
+    off += std::pow(timely.values[i] - truth.values[i], 2) / noise;
+    off_usually += std::pow(usual.values[i] - truth.values[i], 2) / noise;
   }
   EXPECT_GT(stated, 2 * stated_usually);
   EXPECT_LT(stated, 16 * stated_usually);
+  EXPECT_GT(off, off_usually);
+  EXPECT_LT(off, stated);
+  EXPECT_LT(off_usually, stated_usually);
   EXPECT_LT(difference, stated + stated_usually);
   EXPECT_GT(difference, 0.02 * stated);  // errors that go together are stated as larger ones
 
