@@ -41,8 +41,8 @@ constexpr int kMostCorrections = 4;
 /// times object points) that one render of them may sum over: some 100 ms, by judgement.
 constexpr int kFiner = 1;
 constexpr double kMostPaths = 3e9;
-/// Error of the closed form's light of lobes as a share of it (L2). On the crossing it is 0.08 to
-/// 0.21 where the object is not nearly hidden.
+/// Error of the closed form's light as a share of it (L2). On the drives it is 0.06 to 0.25 where
+/// the object is not nearly hidden.
 constexpr double kClosedFormError = 0.15;
 /// Bounds of the ratio of a fall to a Gaussian's, by judgement: the lower one makes a posterior
 /// three times as wide, the upper one five times as narrow.
@@ -78,7 +78,7 @@ class CaptureLikelihood final : public FrameLikelihood {
         observation_(observe(compiled_, {&capture_, 1})),
         objective_(compiled_, observation_),
         solver_(observation_, without_amplitude(compiled_.scene)),
-        pairs_(compiled_.spline == nullptr && compiled_.pairs_lobes()) {
+        closed_form_(compiled_.spline == nullptr && !compiled_.coarse.empty()) {
     if (observation_.zones.empty()) {
       throw Error(capture.source, "found no zone with valid bins, accepted: at least one");
     }
@@ -89,7 +89,9 @@ class CaptureLikelihood final : public FrameLikelihood {
 
   Update update(const Gaussian& prior, const Eigen::VectorXd& start,
                 double inflation) const override {
-    const Fitted fitted = fit(prior, start, inflation, BestLight::finer);
+    const bool in_time = options_.known_light == KnownLightSampling::timely;
+    const Fitted fitted =
+        fit(prior, start, inflation, in_time ? BestLight::models : BestLight::finer);
     const LightSource light = fitted.light.corrected();
     Update result = as_it_falls(light, prior, fitted.best, inflation);
     if (fitted.error >= kSmallMove) {
@@ -101,7 +103,7 @@ class CaptureLikelihood final : public FrameLikelihood {
   Update rough_update(const Gaussian& prior, const Eigen::VectorXd& start,
                       double inflation) const override {
     const Fitted fitted =
-        fit(prior, start, inflation, pairs_ ? BestLight::cheap : BestLight::models);
+        fit(prior, start, inflation, closed_form_ ? BestLight::cheap : BestLight::models);
     return less_sure(fitted.light.corrected(), prior, fitted, inflation);
   }
 
@@ -121,7 +123,7 @@ class CaptureLikelihood final : public FrameLikelihood {
       if (size() > poses()) at[poses()] = std::log(linear.amplitude.front());
       result.push_back(std::move(at));
     };
-    if (pairs_) {
+    if (closed_form_) {
       // A rough update, which costs as little as a descent here would, descends from them.
       for (const Start& place : places) {
         LinearSolution linear;
@@ -264,10 +266,10 @@ class CaptureLikelihood final : public FrameLikelihood {
   /// The best light that a descent may ask for.
   enum class BestLight { cheap, models, finer };
 
-  /// The spline, or closed form instead of pairs. Without either, the models themselves.
+  /// The spline, or the closed form. Without either, the models themselves.
   CheapLight cheap_light() const {
     if (compiled_.spline) return {LightSource(*compiled_.spline), {}};
-    if (pairs_) return {LightSource(compiled_.coarse), {}};
+    if (closed_form_) return {LightSource(compiled_.coarse), {}};
     return {LightSource(compiled_.models()), {}};
   }
 
@@ -284,7 +286,7 @@ class CaptureLikelihood final : public FrameLikelihood {
     best.at = start;
     clamp(best.at);
     best = descend(light.source, prior, best.at, inflation);
-    if (pairs_) {
+    if (closed_form_) {
       fitted.error = kClosedFormError * std::sqrt(best.signal);
       if (most == BestLight::cheap || fitted.error < kSmallMove) return fitted;
       best = descend_corrected(light, compiled_.models(), prior, best, inflation);
@@ -475,8 +477,8 @@ class CaptureLikelihood final : public FrameLikelihood {
   const Observation observation_;
   const PoseObjective objective_;
   const LinearSolver solver_;
-  /// CompiledScene::pairs_lobes(), and no spline: the closed form is the cheap light.
-  const bool pairs_;
+  /// No spline, and CompiledScene::coarse is there: the closed form is the cheap light.
+  const bool closed_form_;
   LinearSolution empty_;
 };
 

@@ -322,9 +322,12 @@ std::vector<Tracker::Hypothesis> Tracker::explain(const FrameLikelihood& frame, 
     since_search_ = 0;
     point.searched = true;
     const std::vector<VectorXd> starts = frame.starts();
-    if (!modes_.empty() && !young_.empty()) search_young(starts, shown);
     const double share = modes_.empty() ? 1.0 : options_.lost_probability;
-    search(frame, starts, share, all);
+    if (!modes_.empty() && !young_.empty()) {
+      search_young(starts, shown);
+    } else {
+      search(frame, starts, share, all);
+    }
     // If the frame is not as predicted, a disturbance may explain it as well as a new object.
     for (const Hypothesis& h : all) {
       if (surprised) log_other = log_sum(log_other, h.log_weight - std::log(share));

@@ -28,6 +28,17 @@ bool by_sight(const DriveFrame& frame) {
   return has(frame.flags, "in_sight") || has(frame.flags, "partly_in_sight");
 }
 
+/// Whether the true x and y of all objects lie in the search region.
+bool in_search_region(const Scene& scene, const PoseVector& truth) {
+  for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
+    const Unknown& unknown = scene.unknowns[i];
+    const double at = truth[static_cast<Eigen::Index>(i)];
+    const bool on_ground = unknown.component == Component::x || unknown.component == Component::y;
+    if (on_ground && (at < unknown.lower || at > unknown.upper)) return false;
+  }
+  return true;
+}
+
 /// Whether the answer itself says that it may be wrong.
 bool doubted(const DriveFrame& frame) {
   return has(frame.flags, "multimodal") || has(frame.flags, "predicted") ||
@@ -108,6 +119,10 @@ DriveClaims drive_claims(const Drive& drive, const DriveResult& result) {
     last = time;
     const DriveFrame* then = captured(result, time);
     if (then == nullptr) continue;
+    if (then->truth && !in_search_region(drive.scene, *then->truth)) {
+      ++claims.outside;
+      continue;
+    }
     ++claims.answers;
     const PoseMixture& mixture = *frame.mixture;
     if (mixture.presence_probability <= kSurePresence || mixture.modes.empty()) {

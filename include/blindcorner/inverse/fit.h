@@ -42,7 +42,9 @@ struct FitOptions {
   /// tolerance follows from each capture, so that the model's error stays small against the photon
   /// noise. The rest of the error then enters the covariance.
   std::optional<double> model_tolerance;
-  /// Sampling of the known scene's light. In place of `usual`, bright captures ask for `fine`.
+  /// Sampling of the known scene's light. In place of `usual`, bright captures ask for `fine`. With
+  /// `timely`, tracks do without finer models of the object's light: a frame whose light the usual
+  /// ones do not give well enough counts for less.
   KnownLightSampling known_light = KnownLightSampling::usual;
   /// Most poses that are scored exhaustively before refinement. The pulse is widened when the
   /// search region would need more poses. In closed form, a pose costs microseconds for each sensor

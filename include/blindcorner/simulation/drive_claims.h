@@ -24,9 +24,11 @@ struct PositionErrors {
 };
 
 /// Claims of one drive. Answers are those of the perception itself, before an object came in direct
-/// sight.
+/// sight. The scene bounds where an object may be. Answers while a position is out of these bounds
+/// are counted apart: no answer inside can be right.
 struct DriveClaims {
-  int answers = 0;
+  int outside = 0;         ///< answers while an object was outside of the search region
+  int answers = 0;         ///< all others
   int sure = 0;            ///< answers with a presence above kSurePresence
   int covered = 0;         ///< sure answers whose 95 % region of all unknowns holds the truth
   int covered_in_map = 0;  ///< the same, for answers moved on to when the map got them

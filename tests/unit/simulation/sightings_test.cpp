@@ -158,5 +158,23 @@ TEST(DriveClaims, CountsWhatIsHonestAndWhatIsWrong) {
   EXPECT_NEAR(claims.first->distance, std::hypot(17.0, 20.0), 1e-12);
 }
 
+TEST(DriveClaims, CountsAnswersAboutWhoLeftTheSearchRegionApart) {
+  DriveResult result;
+  PoseVector away = truth();
+  away[0] = street().scene.unknowns[0].upper + 0.1;
+  for (int i = 0; i < 3; ++i) {
+    DriveFrame frame;
+    frame.time = 0.1 * i;
+    frame.truth = i == 2 ? away : truth();
+    if (i > 0) frame.mixture = known_pose(street().scene, truth());
+    result.frames.push_back(frame);
+  }
+  const DriveClaims claims = drive_claims(street(), result);
+  EXPECT_EQ(claims.outside, 1);
+  EXPECT_EQ(claims.answers, 1);
+  EXPECT_EQ(claims.covered, 1);
+  EXPECT_EQ(claims.wrong, 0);
+}
+
 }  // namespace
 }  // namespace blindcorner
