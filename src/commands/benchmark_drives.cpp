@@ -86,7 +86,8 @@ void print_head(const Printout& out) {
       "error/sigma^2: mean\nnormalised squared error of x and y, at the capture and when the map "
       "gets "
       "it (honest: 1);\nwrong: sure answers whose 99.9 %% region misses the truth (of them "
-      "flagged);\noutside: answers while an object was outside of the search region, which no other "
+      "flagged);\noutside: answers while an object was outside of the search region, which no "
+      "other "
       "column counts\n");
   out.text("%-22s %6s %-8s %8s %7s %13s %9s %7s %13s %14s %9s %6s %8s\n", "drive", "light", "by",
            "reached", "found", "lead s, m", "distance", "error m", "error/sigma^2", "95 % covers",
@@ -100,8 +101,9 @@ void print_row(const Printout& out, const DrivesRow& row) {
   const auto found =
       std::ranges::count_if(row.runs, [](const Run& run) { return run.claims.first.has_value(); });
   using First = DriveClaims::First;
-  out.text("%-22s %6g %-8s %8s %7s %13s %9s %7s %13s %14s %9s %6s %8s\n", row.drive.c_str(), row.light,
-           row.perception.c_str(), formatted("%d/%d", static_cast<int>(reached), n).c_str(),
+  out.text("%-22s %6g %-8s %8s %7s %13s %9s %7s %13s %14s %9s %6s %8s\n", row.drive.c_str(),
+           row.light, row.perception.c_str(),
+           formatted("%d/%d", static_cast<int>(reached), n).c_str(),
            formatted("%d/%d", static_cast<int>(found), n).c_str(),
            (or_dash(median_first(row, &First::lead_time), "%.1f") + ", " +
             or_dash(median_first(row, &First::lead), "%.1f"))
@@ -117,17 +119,19 @@ void print_row(const Printout& out, const DrivesRow& row) {
 
 std::string csv(const std::vector<DrivesRow>& rows) {
   std::string text =
-      "drive,light,perception,seed,outcome,clearance_m,outside,answers,sure,covered,covered_in_map,wrong,"
+      "drive,light,perception,seed,outcome,clearance_m,outside,answers,sure,covered,covered_in_map,"
+      "wrong,"
       "wrong_flagged,"
       "lost,rms_error_m,normalised_at_capture,normalised_in_map,first_time_s,lead_s,lead_m,"
       "first_distance_m\n";
   for (const DrivesRow& row : rows) {
     for (const Run& run : row.runs) {
       const DriveClaims& c = run.claims;
-      text += formatted("%s,%g,%s,%llu,%s,%.3f,%d,%d,%d,%d,%d,%d,%d,%d,", row.drive.c_str(), row.light,
-                        row.perception.c_str(), static_cast<unsigned long long>(run.seed),
-                        outcome_word(run.outcome).c_str(), run.clearance, c.outside, c.answers, c.sure,
-                        c.covered, c.covered_in_map, c.wrong, c.wrong_flagged, c.lost);
+      text +=
+          formatted("%s,%g,%s,%llu,%s,%.3f,%d,%d,%d,%d,%d,%d,%d,%d,", row.drive.c_str(), row.light,
+                    row.perception.c_str(), static_cast<unsigned long long>(run.seed),
+                    outcome_word(run.outcome).c_str(), run.clearance, c.outside, c.answers, c.sure,
+                    c.covered, c.covered_in_map, c.wrong, c.wrong_flagged, c.lost);
       const auto cell = [](const std::optional<double>& value) {
         return value ? formatted("%.4g", *value) : std::string();
       };
