@@ -104,11 +104,12 @@ TEST_F(LiveCli, AFileIsTrackedFrameByFrameAsFitDoes) {
     EXPECT_EQ(lines[i]["mean"].is_null(), fitted[i]["mean"].is_null());
     if (lines[i]["mean"].is_null()) continue;
     same_modes = same_modes && lines[i]["modes"].size() == fitted[i]["modes"].size();
-    // Capture files hold single precision, a difference of 1e-7 at first, and 0.05 standard
-    // deviations once a young track's frames have been judged anew. Where several places
-    // explain a young track alike, it decides which of them is kept. The track then differs within
-    // its covariance until new frames decide.
-    const double allowed = i < 10 ? 0.1 : same_modes ? 0.5 : 2;  // standard deviations
+    // Capture files hold single precision, a difference of 1e-7 at first. Frames 7 to 9 differ by
+    // up to 0.05 standard deviations, less than the 0.06 at which a descent stops. Where several
+    // places explain a young track alike, it decides which of them is kept. The track then differs
+    // within its covariance until new frames decide.
+    const double later = same_modes ? 0.5 : 2;
+    const double allowed = i < 7 ? 0.01 : i < 10 ? 0.1 : later;  // standard deviations
     for (std::size_t k = 0; k < 2; ++k) {
       const double sigma = std::sqrt(fitted[i]["covariance"][k][k].get<double>());
       EXPECT_NEAR(lines[i]["mean"][k].get<double>(), fitted[i]["mean"][k].get<double>(),

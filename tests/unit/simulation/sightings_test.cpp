@@ -128,15 +128,21 @@ TEST(Movers, WhatMovesIsTakenOutOfTheMap) {
   EXPECT_TRUE(split_by_motion(street().scene, street().motion, answer).moving.empty());
 }
 
+/// A frame of a car that drives along x, 0.1 s after the one before.
+DriveFrame frame_at(int i) {
+  DriveFrame frame;
+  frame.time = 0.1 * i;
+  frame.vehicle.position = {i, 0};
+  frame.truth = truth();
+  return frame;
+}
+
 /// A drive of two frames with an answer that is off by one standard deviation along x and y of both
 /// objects, then by ten.
 TEST(DriveClaims, CountsWhatIsHonestAndWhatIsWrong) {
   DriveResult result;
   for (int i = 0; i < 3; ++i) {
-    DriveFrame frame;
-    frame.time = 0.1 * i;
-    frame.vehicle.position = {i, 0};
-    frame.truth = truth();
+    DriveFrame frame = frame_at(i);
     const double sigmas = i == 1 ? 1 : 10;
     if (i > 0) {
       frame.mixture =
@@ -163,9 +169,8 @@ TEST(DriveClaims, CountsAnswersAboutWhoLeftTheSearchRegionApart) {
   PoseVector away = truth();
   away[0] = street().scene.unknowns[0].upper + 0.1;
   for (int i = 0; i < 3; ++i) {
-    DriveFrame frame;
-    frame.time = 0.1 * i;
-    frame.truth = i == 2 ? away : truth();
+    DriveFrame frame = frame_at(i);
+    if (i == 2) frame.truth = away;
     if (i > 0) frame.mixture = known_pose(street().scene, truth());
     result.frames.push_back(frame);
   }
