@@ -15,14 +15,18 @@
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
 
+#include "forward/support/loop_order.h"
+
 namespace blindcorner {
 
-/// Calls `loop` with a context of its own. Throws what an iteration throws.
+/// Calls `loop` with a context of its own, and with the order of what happens in it. Throws what an
+/// iteration throws.
 template <typename Loop>
 void run_whole(const Loop& loop) {
   tbb::this_task_arena::isolate([&] {
     tbb::task_group_context own(tbb::task_group_context::isolated);
-    loop(own);
+    const LoopOrder order{};
+    loop(own, order);
   });
 }
 
@@ -30,10 +34,14 @@ void run_whole(const Loop& loop) {
 /// functions: with functions of these names, the compiler would choose oneTBB's own wherever an
 /// argument is a oneTBB type (a range, a partitioner).
 inline constexpr auto parallel_for = [](const auto&... arguments) {  // NOLINT: called like it
-  run_whole([&](tbb::task_group_context& own) { tbb::parallel_for(arguments..., own); });
+  run_whole([&](tbb::task_group_context& own, const LoopOrder& order) {
+    tbb::parallel_for(order.of(arguments)..., own);
+  });
 };
 inline constexpr auto parallel_invoke = [](const auto&... functions) {  // NOLINT: called like it
-  run_whole([&](tbb::task_group_context& own) { tbb::parallel_invoke(functions..., own); });
+  run_whole([&](tbb::task_group_context& own, const LoopOrder& order) {
+    tbb::parallel_invoke(order.of(functions)..., own);
+  });
 };
 
 }  // namespace blindcorner

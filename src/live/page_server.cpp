@@ -32,7 +32,8 @@ constexpr auto kBeat = 1s;  ///< a comment this often in a silent stream shows w
 /// What a queue returns for a job: nothing, or in later versions whether it took the job.
 using Taken = decltype(std::declval<httplib::TaskQueue&>().enqueue({}));
 
-/// A bounded pool. Only the thread that accepts connections enqueues jobs, and waits if it is full.
+/// A bounded pool. Only the thread that accepts connections enqueues jobs, waits if it is full, and
+/// shuts it down.
 class BoundedPool : public httplib::TaskQueue {
  public:
   BoundedPool() {
@@ -42,22 +43,19 @@ class BoundedPool : public httplib::TaskQueue {
   Taken enqueue(std::function<void()> job) override {
     {
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, [&] { return ending_ || jobs_.size() < kMostWaiting; });
+      changed_.wait(lock, [&] { return jobs_.size() < kMostWaiting; });
       jobs_.push_back(std::move(job));
     }
     changed_.notify_all();
     return static_cast<Taken>(true);
   }
-  /// After this call nobody waits, and the threads end when no job is left.
-  void end() {
+  /// The threads end when no job is left.
+  void shutdown() override {
     {
       const std::lock_guard lock(mutex_);
       ending_ = true;
     }
     changed_.notify_all();
-  }
-  void shutdown() override {
-    end();
     for (std::thread& thread : threads_) thread.join();
   }
 
@@ -123,7 +121,7 @@ struct PageServer::Impl {
       : served(std::move(what)), hub(events), tally(counts) {
     options.validate();
     rules = {options.address, options.port, options.token};
-    server.new_task_queue = [this] { return pool = new BoundedPool; };  // the server deletes it
+    server.new_task_queue = [] { return new BoundedPool; };  // the server deletes it
     server.set_read_timeout(kReadPatience);
     server.set_write_timeout(kWritePatience);
     server.set_keep_alive_timeout(kReadPatience);
@@ -152,7 +150,6 @@ struct PageServer::Impl {
 
   ~Impl() {
     hub.close();
-    if (pool != nullptr) pool->end();
     server.stop();
     thread.join();
   }
@@ -248,7 +245,6 @@ struct PageServer::Impl {
   Tally& tally;
   AccessRules rules;
   httplib::Server server;
-  BoundedPool* pool = nullptr;
   std::thread thread;
 };
 

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstddef>
+#include <cstdlib>
 #include <thread>
 #include <vector>
 
@@ -80,6 +81,21 @@ TEST(ParallelInvoke, AnExceptionBesideALoopDoesNotCutIt) {
   };
   EXPECT_THROW(parallel_invoke(looping, throwing), Stopped);
 }
+
+#ifdef __SANITIZE_THREAD__
+TEST(ParallelForDeathTest, TheThreadSanitizerSeesIterationsThatDisturbEachOther) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const auto disturb = [] {
+    int sum = 0;
+    parallel_for(0, 64, [&](int) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      ++sum;
+    });
+    std::exit(sum == 64 ? 0 : 1);
+  };
+  EXPECT_EXIT(disturb(), testing::ExitedWithCode(66), "data race");
+}
+#endif
 
 }  // namespace
 }  // namespace blindcorner
