@@ -20,6 +20,7 @@ Markers in a page, all invisible where Markdown is shown:
     <!-- figure:NAME plain -->                           without age: the line has to state `age:RUN`
     <!-- figure:NAME bare -->                            `plain` and without the unit
     <!-- age:RUN -->this version<!-- /age -->            how old the run is
+    <!-- table:runs -->...<!-- /table -->                all runs: minutes and commands
 
 A run is of this version as long as what it depends on is what it was at the run's commit; comments of
 C++ files do not count.
@@ -28,6 +29,7 @@ import argparse
 import csv
 import datetime
 import json
+import math
 import os
 import re
 import shutil
@@ -46,7 +48,7 @@ DRIVES = ("io/drive_file.*", "simulation/*drive*", "simulation/true_world.*", "s
           "simulation/simulated_sensor.*")
 BUSY = 0.5  # programs for each core from which a run's own times are not measured, by judgement
 MARKER = re.compile(
-    r"<!-- (figure|age):([a-z0-9_]+)((?: [a-z]+)*) -->(.*?)<!-- /\1 -->", re.DOTALL)
+    r"<!-- (figure|age|table):([a-z0-9_]+)((?: [a-z]+)*) -->(.*?)<!-- /\1 -->", re.DOTALL)
 
 
 class Problem(Exception):
@@ -217,6 +219,19 @@ class Pages:
             return written if written == text or written.startswith(text + " (of ") else text
         return text if age == THIS else f"{text} ({age})"
 
+    def minutes(self, run):
+        """How long a run takes: what it took last, in tenths rounded up, and an estimate before that
+        was measured."""
+        seconds = (self.stored[run] or {}).get("seconds")
+        return self.definitions["runs"][run]["minutes"] if seconds is None else max(1, math.ceil(seconds / 6)) / 10
+
+    def table_of_runs(self):
+        rows = ["| run | minutes or so | commands |", "|---|---|---|"]
+        for name, run in self.definitions["runs"].items():
+            commands = "<br>".join(f"`{command}`" for command in run["commands"])
+            rows.append(f"| `{name}` | {self.minutes(name):.1f} | {commands} |")
+        return "\n\n" + "\n".join(rows) + "\n\n"
+
     def line_states_age(self, text, match, run):
         begin = text.rfind("\n", 0, match.start()) + 1
         end = text.find("\n", match.end())
@@ -231,6 +246,8 @@ class Pages:
             content = written if age is None else age
             if age is not None and self.definitions["runs"][name].get("quiet") and is_busy(self.stored[name]):
                 content += ", busy machine"
+        elif kind == "table":
+            content = self.table_of_runs()
         else:
             content = self.value(name, words, written)
             run = self.definitions["figures"][name]["run"]
@@ -402,8 +419,8 @@ def chosen_runs(arguments, pages):
                           f"names of docs/figures.py list, --stale or --all")
         names = {name if name in runs else figures[name]["run"] for name in arguments.names}
     if arguments.longest is not None:
-        names = {name for name in names if runs[name]["minutes"] <= arguments.longest}
-    return sorted(names, key=lambda name: runs[name]["minutes"])
+        names = {name for name in names if pages.minutes(name) <= arguments.longest}
+    return sorted(names, key=pages.minutes)
 
 
 def command_run(root, arguments):
@@ -419,7 +436,7 @@ def command_run(root, arguments):
                 print(f"{name}: left out, it measures times and other programs want the machine (load "
                       f"{here['load']}, {here['cores']} cores; --busy)")
                 continue
-        print(f"{name}: {pages.definitions['runs'][name]['minutes']:g} minutes or so", flush=True)
+        print(f"{name}: {pages.minutes(name):.1f} minutes or so", flush=True)
         try:
             record = measure(root, build, pages.definitions, name)
         except Problem as problem:
@@ -466,11 +483,11 @@ def command_check(root, _):
 
 def command_list(root, _):
     pages = Pages(root)
-    for name, run in pages.definitions["runs"].items():
+    for name in pages.definitions["runs"]:
         stored = pages.stored[name]
         age = "never measured" if stored is None else pages.age(name) or "of a commit that is not here"
         count = sum(figure["run"] == name for figure in pages.definitions["figures"].values())
-        print(f"{name:28} {run['minutes']:7g} minutes  {count:3} figures  {age}")
+        print(f"{name:28} {pages.minutes(name):7.1f} minutes  {count:3} figures  {age}")
     return 0
 
 

@@ -91,6 +91,13 @@ class Figures(unittest.TestCase):
             self.assertIn(part, self.page())
         self.figures("check")
 
+    def test_the_table_of_runs_says_how_long_the_last_one_took(self):
+        (self.root / "README.md").write_text(PAGE + "<!-- table:runs --><!-- /table -->\n")
+        self.figures("run", "study")
+        self.figures("write")
+        self.assertIn("| `study` | 0.1 | `blindcorner` |", self.page())  # 1 is the estimate before
+        self.figures("check")
+
     def test_run_times_of_a_busy_machine_are_called_so(self):
         self.figures("run", "study")
         path = self.root / "docs/figures/study.json"
