@@ -8,7 +8,7 @@
     docs/figures.py check                   exit code 1 where a page does not say what is stored
 
 docs/figures.json names every run: its commands, the files and folders of the source that it depends
-on, how long it takes, and for each figure where its value is read from. `run` takes names of runs or
+on, an estimate of how long it takes, and for each figure where its value is read from. `run` takes names of runs or
 of figures, executes the commands with bash in the repository's root (PATH begins with the build folder,
 OUT names an empty folder), and stores docs/figures/RUN.json: values, intervals, the program's version
 and commit, machine, date and time. Only Python's standard library is needed.
@@ -28,6 +28,7 @@ C++ files do not count.
 import argparse
 import csv
 import datetime
+import itertools
 import json
 import math
 import os
@@ -247,6 +248,8 @@ class Pages:
             if age is not None and self.definitions["runs"][name].get("quiet") and is_busy(self.stored[name]):
                 content += ", busy machine"
         elif kind == "table":
+            if name != "runs":
+                raise Problem(f"table {name}: accepted: runs")
             content = self.table_of_runs()
         else:
             content = self.value(name, words, written)
@@ -460,7 +463,8 @@ def command_write(root, _):
 def first_difference(before, after):
     for was, is_now in zip(MARKER.finditer(before), MARKER.finditer(after)):
         if was[0] != is_now[0]:
-            return was[2], was[4], is_now[4]
+            lines = itertools.zip_longest(was[4].split("\n"), is_now[4].split("\n"), fillvalue="")
+            return was[2], *next(pair for pair in lines if pair[0] != pair[1])
     raise AssertionError("pages differ outside of their markers")
 
 

@@ -95,8 +95,12 @@ class Figures(unittest.TestCase):
         (self.root / "README.md").write_text(PAGE + "<!-- table:runs --><!-- /table -->\n")
         self.figures("run", "study")
         self.figures("write")
-        self.assertIn("| `study` | 0.1 | `blindcorner` |", self.page())  # 1 is the estimate before
+        row = "| `study` | 0.1 | `blindcorner` |"
+        self.assertIn(row, self.page())  # 1 is the estimate before
         self.figures("check")
+        (self.root / "README.md").write_text(self.page().replace("0.1", "25"))
+        self.assertIn(f'runs: found "{row.replace("0.1", "25")}", accepted: "{row}"',
+                      self.figures("check", code=1))
 
     def test_run_times_of_a_busy_machine_are_called_so(self):
         self.figures("run", "study")
