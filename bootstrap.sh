@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # From a fresh checkout on Debian or Ubuntu to a fitted capture, or to the test report.
-# What is already there is left alone: a second run installs nothing and compiles the Python package
-# only, which is part of the tests.
+# What is already there is left alone: a second run installs and compiles nothing.
 set -euo pipefail
 unset CDPATH
 
@@ -16,9 +15,9 @@ usage: ./bootstrap.sh fit     install what is missing, build, fit the bundled ca
                               look for faults (with Playwright and axe-core from PyPI)
        ./bootstrap.sh python  install what is missing, build, test the Python package in a virtual
                               environment of its own (from PyPI; skipped where that cannot be reached)
-                              with all its extras, whose tests `test` leaves out: Dask, the notebook
-                              (Matplotlib, a kernel) and robots' libraries (ROS bags, Foxglove's SDK,
-                              CommonRoad, MCAP readers, WebSockets)
+                              with all its extras: Dask, the notebook (Matplotlib, a kernel) and
+                              robots' libraries (ROS bags, Foxglove's SDK, CommonRoad, MCAP readers,
+                              WebSockets); EXTRAS=OFF leaves them and their tests out
 
 Missing packages are installed with apt-get, as root or through sudo. All else stays in this folder.
 JOBS=N ./bootstrap.sh ...     compile and test with N processes (default: one per processor, at most
@@ -182,12 +181,11 @@ main() {
     ctest --preset release -R pages.chromium --verbose
   elif [[ "$1" == python ]]; then
     install_packages python3-dev python3-venv
-    build "$jobs" blindcorner_program -DBLINDCORNER_PYTHON_TEST=ON -DBLINDCORNER_PYTHON_EXTRAS=ON
+    build "$jobs" blindcorner_program -DBLINDCORNER_PYTHON_TEST=ON -DBLINDCORNER_PYTHON_EXTRAS="${EXTRAS:-ON}"
     ctest --preset release -R package.python
   else
     install_optional_packages "${optional_packages[@]}"
-    install_optional_packages python3-dev python3-venv
-    build "$jobs" all -DBLINDCORNER_PYTHON_TEST=ON -DBLINDCORNER_PYTHON_EXTRAS=OFF
+    build "$jobs" all -DBLINDCORNER_PYTHON_TEST=OFF
     ctest --preset release --parallel "$jobs"
   fi
 }

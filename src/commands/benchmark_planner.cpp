@@ -276,7 +276,7 @@ TableRow row_of(const Variant& v) {
            {"", "expansions", "%12.0f", median(v.of_longest(expansions_of))}}};
 }
 
-const Study<Variant> kStudy{
+const Study<Variant> kPlannerStudy{
     "planner",
     "Paths of published problems",
     "Problems of the MovingAI benchmark, one after the other. Time is that of one processor for "
@@ -296,7 +296,7 @@ int run_planner(const PlannerArguments& arguments) {
   Problems problems{read_movingai_scenario(arguments.scenario, map.geometry), {}};
   problems.longest = longest_problems(problems.all);
   TerrainGrids grids(map);
-  StudyRun run(kStudy, arguments);
+  StudyRun run(kPlannerStudy, arguments);
   search_all(arguments, problems, grids, run);
   search_coarser(map, problems, run);
   smooth_all(problems, grids, run);

@@ -13,7 +13,7 @@
 namespace blindcorner {
 namespace {
 
-const char* const kTheme = "Wrong assumptions";
+const char* const kAssumptionTheme = "Wrong assumptions";
 constexpr int kCaptures = 10;
 /// Squared distance at the border of the 99.9 % region of two unknowns.
 constexpr double kOutside = 13.8;
@@ -85,7 +85,7 @@ StabilityMeasurement missing_flags(const Scene& truth, const Scene& assumed, dou
 StabilityRow misfit_row(const std::string& name, const std::string& what, const Scene& truth,
                         const Scene& assumed) {
   return {name,
-          kTheme,
+          kAssumptionTheme,
           what +
               ", 100,000 photons at each of ten places: flags that are missing of those that the "
               "light's misfit without noise makes due",
@@ -128,7 +128,7 @@ std::vector<StabilityRow> assumption_rows() {
                  with_plate(0.2)),
       misfit_row("sphere_fitted_as_a_plate", "A sphere of 0.2 m fitted as a plate of 0.2 m",
                  with_sphere(0.1), with_plate(0.2)),
-      {"time_zero_without_direct_return", kTheme,
+      {"time_zero_without_direct_return", kAssumptionTheme,
        "No direct return and time zero off by half a bin, ten places: fits that are wrong (outside "
        "of 99.9 %) without a flag or a hint",
        0, "fits", LimitOrigin::physics,

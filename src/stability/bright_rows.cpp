@@ -13,7 +13,7 @@
 namespace blindcorner {
 namespace {
 
-const char* const kTheme = "Bright captures";
+const char* const kBrightTheme = "Bright captures";
 constexpr int kPoses = 20;
 /// Sampling twice as dense as usual. With the usual one, the reference renderer's light is 0.2 to
 /// 0.5 % off where the partition cuts through it. Twice the density leaves a fifth of that.
@@ -76,7 +76,7 @@ StabilityMeasurement largest_distance(double photons) {
 StabilityRow bright_row(const std::string& name, double photons) {
   return {
       name,
-      kTheme,
+      kBrightTheme,
       name.substr(name.rfind('_') + 1) +
           " photons of each of twenty poses, some behind a partition: largest of the squared "
           "distances of the truth from the nearest mode by its covariance",

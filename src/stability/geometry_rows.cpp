@@ -11,7 +11,7 @@
 namespace blindcorner {
 namespace {
 
-const char* const kTheme = "Geometry";
+const char* const kGeometryTheme = "Geometry";
 
 Scene with_plate(const Eigen::Vector3d& position, double yaw_deg, double edge) {
   Scene scene = wall_scene();
@@ -56,7 +56,7 @@ StabilityMeasurement bad_bins(const Scene& scene, Seen seen) {
 StabilityRow light_row(const std::string& name, const std::string& what, const Scene& scene,
                        Seen seen = Seen::yes) {
   return {name,
-          kTheme,
+          kGeometryTheme,
           what + ": bins of either model or of the direct return that are negative or no number" +
               (seen == Seen::no ? ", or lit by the plate" : "; light of the plate there must be"),
           0,
@@ -214,7 +214,7 @@ std::vector<StabilityRow> geometry_rows() {
                 grazing_scene(89)),
       light_row("relay_at_89.99_degrees", "Wall seen at 89.99 degrees from its normal",
                 grazing_scene(89.99)),
-      {"relay_at_89.99_degrees_limit", kTheme,
+      {"relay_at_89.99_degrees_limit", kGeometryTheme,
        "The same: difference of the light in all bins from that of a wall that the zone meets at "
        "the "
        "sensor itself",
@@ -224,22 +224,22 @@ std::vector<StabilityRow> geometry_rows() {
        "it, one in 90 goes farther than 10 cm, and a leg from there is up to 2.2 times as bright: "
        "some 3 % for both legs; 10 % allows for three times that.",
        grazing_limit},
-      {"outside_the_gate", kTheme, "Plate 42 m away, time axis of 1.9 m: all light", 0, "W/m^2",
-       LimitOrigin::physics, "Its light comes after the last bin.", outside_gate},
-      {"plate_of_1_mm", kTheme,
+      {"outside_the_gate", kGeometryTheme, "Plate 42 m away, time axis of 1.9 m: all light", 0,
+       "W/m^2", LimitOrigin::physics, "Its light comes after the last bin.", outside_gate},
+      {"plate_of_1_mm", kGeometryTheme,
        "Plate of 1 mm against one of 2 mm: relative difference of the light by area", 1e-5, "1",
        LimitOrigin::physics,
        "Far from an object its light goes with its area, up to the square of size over distance: "
        "(2 mm / 0.64 m)^2 = 1e-5.",
        small_plate},
-      {"triangles_without_area", kTheme,
+      {"triangles_without_area", kGeometryTheme,
        "A square mesh with and without 64 triangles of no area: relative difference of the light",
        0, "1", LimitOrigin::physics, "What has no area reflects nothing.",
        [] {
          return StabilityMeasurement{
              relative_difference(mesh_light(square(4, true)), mesh_light(square(4, false))), ""};
        }},
-      {"coplanar_triangles", kTheme,
+      {"coplanar_triangles", kGeometryTheme,
        "A square of 2 against one of 288 coplanar triangles: relative difference of the light",
        0.01, "1", LimitOrigin::physics,
        "Both are the same surface; 1 % is the fast model's tolerance.",
@@ -247,7 +247,7 @@ std::vector<StabilityRow> geometry_rows() {
          return StabilityMeasurement{
              relative_difference(mesh_light(square(1, false)), mesh_light(square(12, false))), ""};
        }},
-      {"plate_of_100_km", kTheme, "Plate of 100 km: 0 for a clear refusal", 0, "1",
+      {"plate_of_100_km", kGeometryTheme, "Plate of 100 km: 0 for a clear refusal", 0, "1",
        LimitOrigin::arithmetic,
        "Paths to all of it take 8,000 times the sensor's time axis; tables of them would fill any "
        "memory.",
@@ -256,13 +256,13 @@ std::vector<StabilityRow> geometry_rows() {
          const Capture capture = photon_capture(wall_scene(), 3000, 1, 1);
          return refusal([&] { fit(scene, capture, without_empty_captures()); });
        }},
-      {"needle_mesh", kTheme,
+      {"needle_mesh", kGeometryTheme,
        "A ball of 5000 triangles squeezed to a needle, whose triangles are up to a million times "
        "as "
        "long as wide, is read and seen: processor time, no number where its light is none",
        10, "s", LimitOrigin::arithmetic, "5000 triangles, each seen from some hundred places.",
        needle_mesh},
-      {"convexity_of_200000_triangles", kTheme,
+      {"convexity_of_200000_triangles", kGeometryTheme,
        "A ball of 200,000 triangles is read and found to be convex: processor time", 10, "s",
        LimitOrigin::arithmetic,
        "Each triangle walks down a tree of vertices, about 1e8 steps together; triangles times "

@@ -19,7 +19,7 @@
 namespace blindcorner {
 namespace {
 
-const char* const kTheme = "Inference";
+const char* const kInferenceTheme = "Inference";
 
 struct FitCase {
   Scene scene = wall_scene();
@@ -45,7 +45,7 @@ StabilityMeasurement distance(const FitCase& c) {
 StabilityRow sound_row(const std::string& name, const std::string& what,
                        const std::function<void(FitCase&)>& change) {
   return {name,
-          kTheme,
+          kInferenceTheme,
           what +
               ": 0 where the fit gives finite poses, probabilities within 0 and 1 and "
               "covariances that are none below zero",
@@ -63,7 +63,7 @@ StabilityRow sound_row(const std::string& name, const std::string& what,
 StabilityRow distance_row(const std::string& name, const std::string& what,
                           const std::function<void(FitCase&)>& change) {
   return {name,
-          kTheme,
+          kInferenceTheme,
           what + ": squared distance of the truth from the nearest mode by its covariance",
           18.4,
           "1",
@@ -214,7 +214,7 @@ StabilityMeasurement fit_moved(double distance) {
 
 StabilityRow fit_moved_row(const std::string& name, double distance) {
   return {name,
-          kTheme,
+          kInferenceTheme,
           "One capture fitted at the origin and " + name.substr(10, name.size() - 12) +
               " m away, occluder and all: distance of the optima",
           0.1,
@@ -275,17 +275,17 @@ std::vector<StabilityRow> inference_rows() {
                    [](FitCase& c) {
                      c.scene.unknowns[0].prior = NormalPrior{0.2, 1e-9};
                    }),
-      {"yaw_of_a_sphere", kTheme,
+      {"yaw_of_a_sphere", kInferenceTheme,
        "Yaw of a sphere is free: 0 where it is named as undetermined with the prior's width", 0,
        "1", LimitOrigin::physics, "A sphere looks alike from all sides.", yaw_of_a_sphere},
-      {"size_against_brightness", kTheme,
+      {"size_against_brightness", kInferenceTheme,
        "Size and brightness of a sphere of 1 cm are free: 0.2 over the standard deviation of the "
        "size",
        1, "1", LimitOrigin::physics,
        "Light goes with size squared times brightness; the prior of the brightness (1.5 in its "
        "logarithm) leaves more than 0.2 of the size open.",
        size_against_brightness},
-      {"starts_on_the_bounds", kTheme,
+      {"starts_on_the_bounds", kInferenceTheme,
        "Descents from the four corners of the search region, the best of them against one from the "
        "truth: "
        "distance",
@@ -295,7 +295,7 @@ std::vector<StabilityRow> inference_rows() {
        starts_on_the_bounds},
       fit_moved_row("fit_moved_9e4_m", 9e4),
       fit_moved_row("fit_moved_1e6_m", 1e6),
-      {"fit_threads_1_and_16", kTheme,
+      {"fit_threads_1_and_16", kInferenceTheme,
        "A fit with 1 and with 16 threads: 0 where mean, covariance and probabilities are the same "
        "to the last bit",
        0, "1", LimitOrigin::arithmetic, "Sums are made in one order at any number of threads.",
@@ -305,22 +305,24 @@ std::vector<StabilityRow> inference_rows() {
                   c.scene.sensor.bins = 65'536;
                   c.scene.sensor.bin_width = 5e-13;
                 }),
-      {"prior_median_1e300", kTheme, "Prior of the brightness about 1e300: 0 for a clear refusal",
-       0, "1", LimitOrigin::arithmetic, "Its square is beyond double precision.",
+      {"prior_median_1e300", kInferenceTheme,
+       "Prior of the brightness about 1e300: 0 for a clear refusal", 0, "1",
+       LimitOrigin::arithmetic, "Its square is beyond double precision.",
        [] {
          FitCase c;
          const Capture capture = photon_capture(c.scene, 3000, 1, 1);
          c.scene.linear.amplitude_prior.median = 1e300;
          return refusal([&] { fit(c.scene, capture, without_empty_captures()); });
        }},
-      {"no_background_where_it_is_fixed_at_0", kTheme,
+      {"no_background_where_it_is_fixed_at_0", kInferenceTheme,
        "A million photons over a background that the scene fixes at 0: photons in bins that no "
        "model lights",
        0, "photons", LimitOrigin::physics, "Where there is no light there are no photons.",
        dark_bins_stay_dark},
-      {"all_zones_dead", kTheme, "A capture of which all zones are dead: 0 for a clear refusal", 0,
-       "1", LimitOrigin::arithmetic, "There is nothing to fit.", dead_zones},
-      {"difference_steps", kTheme,
+      {"all_zones_dead", kInferenceTheme,
+       "A capture of which all zones are dead: 0 for a clear refusal", 0, "1",
+       LimitOrigin::arithmetic, "There is nothing to fit.", dead_zones},
+      {"difference_steps", kInferenceTheme,
        "Central differences of the light at steps of 1e-10 to 1e-2 m: largest error over rounding "
        "and truncation",
        1, "1", LimitOrigin::arithmetic,

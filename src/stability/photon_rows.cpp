@@ -9,7 +9,7 @@
 namespace blindcorner {
 namespace {
 
-const char* const kTheme = "Random counts";
+const char* const kPhotonTheme = "Random counts";
 /// Bins that share one mean: enough to measure moments.
 constexpr int kBins = 20'000;
 
@@ -43,7 +43,7 @@ StabilityMeasurement poisson_moments(double mean) {
 
 StabilityRow moments_row(const std::string& name, double mean) {
   return {name,
-          kTheme,
+          kPhotonTheme,
           "20,000 Poisson counts of the mean that the name gives: mean and variance against it, "
           "in standard errors, the larger",
           5,
@@ -76,7 +76,7 @@ StabilityMeasurement piled_up(double exposures) {
 std::vector<StabilityRow> photon_rows() {
   const auto piled_row = [](const std::string& name, double exposures) {
     return StabilityRow{name,
-                        kTheme,
+                        kPhotonTheme,
                         "Averages of so many exposures of 1000 cycles, half of the free cycles hit "
                         "in each of 8 bins: largest deviation of a bin",
                         5,

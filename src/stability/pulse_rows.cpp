@@ -13,7 +13,7 @@
 namespace blindcorner {
 namespace {
 
-const char* const kTheme = "Pulses, bins and zones";
+const char* const kPulseTheme = "Pulses, bins and zones";
 
 /// The wall scene with another pulse and time axis. Time zero lies six sigma after the start of the
 /// axis, so that the whole pulse of any path is on the axis.
@@ -44,7 +44,7 @@ StabilityMeasurement energy_kept(const Scene& scene) {
 StabilityRow energy_row(const std::string& name, const std::string& what, double sigma,
                         double bin_width, int bins) {
   return {name,
-          kTheme,
+          kPulseTheme,
           what + ": difference of the light in all bins from that of the usual axis",
           0.01,
           "1",
@@ -63,7 +63,7 @@ StabilityMeasurement negative_light(const Scene& scene) {
 
 StabilityRow negative_row(const std::string& name, double bins_wide) {
   return {name,
-          kTheme,
+          kPulseTheme,
           "Pulse of " + name.substr(name.rfind("of_") + 3) +
               " bins: the most negative bin of either model, over its brightest",
           0,
@@ -123,7 +123,7 @@ std::vector<StabilityRow> pulse_rows() {
       negative_row("pulse_of_0.1", 0.1),
       negative_row("pulse_of_0.01", 0.01),
       negative_row("pulse_of_0.0001", 1e-4),
-      {"pulse_of_0.0001_nine_zones", kTheme,
+      {"pulse_of_0.0001_nine_zones", kPulseTheme,
        "Pulse of 0.0001 bins seen by nine zones: the most negative bin of either model, over its "
        "brightest",
        0, "1", LimitOrigin::physics, "Light is never negative.",
@@ -132,21 +132,21 @@ std::vector<StabilityRow> pulse_rows() {
          scene.sensor.response = ImpulseResponse(GaussianResponse{1e-14});
          return negative_light(scene);
        }},
-      {"zones_64_x_64", kTheme,
+      {"zones_64_x_64", kPulseTheme,
        "64 x 64 zones that tile one of 30 degrees: difference of all light", 0.01, "1",
        LimitOrigin::physics,
        "The zones' solid angles add up to that of the one; 1 % is the fast model's tolerance.",
        [] { return zones_add_up(64); }},
-      {"zones_128_x_128", kTheme, "128 x 128 zones: 0 for a clear refusal", 0, "1",
+      {"zones_128_x_128", kPulseTheme, "128 x 128 zones: 0 for a clear refusal", 0, "1",
        LimitOrigin::arithmetic,
        "The limit is 4096 zones: a light leg for each zone, patch and cell grows with them.",
        [] { return refusal([] { zones_add_up(128); }); }},
-      {"zones_32_x_32", kTheme,
+      {"zones_32_x_32", kPulseTheme,
        "32 x 32 zones that tile one of 30 degrees: difference of all light", 0.01, "1",
        LimitOrigin::physics,
        "The zones' solid angles add up to that of the one; 1 % is the fast model's tolerance.",
        [] { return zones_add_up(32); }},
-      {"threads_1_and_16", kTheme,
+      {"threads_1_and_16", kPulseTheme,
        "The light of nine zones with 1 and with 16 threads: 0 where all bytes are the same", 0, "1",
        LimitOrigin::arithmetic, "Sums are made in one order at any number of threads.", same_bytes},
   };

@@ -9,7 +9,7 @@
 namespace blindcorner {
 namespace {
 
-const char* const kTheme = "Scale and place";
+const char* const kScaleTheme = "Scale and place";
 
 using Light = HistogramCube (*)(const Scene&);
 
@@ -27,7 +27,7 @@ StabilityMeasurement scale_invariance(Light light, double factor) {
 StabilityRow scale_row(const std::string& name, const std::string& model, Light light,
                        double factor, const std::string& size) {
   return {name,
-          kTheme,
+          kScaleTheme,
           model + ", all lengths and times scaled so that the wall is " + size +
               " away: difference of the bins times the square of the factor",
           1e-4,
@@ -46,7 +46,7 @@ StabilityMeasurement move_invariance(Light light, const Scene& scene, double dis
 StabilityRow move_row(const std::string& name, const std::string& model, Light light,
                       double distance) {
   return {name,
-          kTheme,
+          kScaleTheme,
           model + " of a scene with an occluder, " + name.substr(name.rfind('_') + 1) +
               " from the origin: difference of the bins from those at the origin",
           1e-3,

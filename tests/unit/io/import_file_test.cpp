@@ -283,11 +283,11 @@ TEST_F(ImportTest, DamagedArchivesAreNamed) {
 
 TEST_F(ImportTest, MetadataHaveToFitTheCounts) {
   const std::string path = folder_.file("a.npz");
-  const std::string json =
+  const std::string document =
       R"({"format":"blindcorner.capture/1","rows":1,"columns":1,"bins":2,"captures":[{}]})";
   std::string text;
-  for (const char c : json) text += raw_bytes(static_cast<unsigned char>(c), 4);
-  const std::string metadata = npy_bytes("<U" + std::to_string(json.size()), "()", text);
+  for (const char c : document) text += raw_bytes(static_cast<unsigned char>(c), 4);
+  const std::string metadata = npy_bytes("<U" + std::to_string(document.size()), "()", text);
   write_npz(path,
             {{"counts", npy_bytes("<f8", "(1, 1, 2)", counting(2))}, {"metadata_json", metadata}});
   EXPECT_THAT(import_captures({path}).captures[0].counts.values, ElementsAre(0, 1));

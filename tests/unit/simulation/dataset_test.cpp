@@ -14,10 +14,10 @@
 namespace blindcorner {
 namespace {
 
-Scene wall() { return read_scene(SOURCE_DIR "/scenes/tmf8828_wall.json"); }
+Scene wall_scene() { return read_scene(SOURCE_DIR "/scenes/tmf8828_wall.json"); }
 
 TEST(Dataset, ObjectsStandOnAGridAndSensorsAroundTheScenes) {
-  const Scene scene = wall();
+  const Scene scene = wall_scene();
   DatasetOptions options;
   const DatasetPlan plan = plan_dataset(scene, options);
   ASSERT_EQ(plan.objects.size(), 400U);
@@ -48,7 +48,7 @@ TEST(Dataset, ObjectsStandOnAGridAndSensorsAroundTheScenes) {
 }
 
 TEST(Dataset, RandomCapturesHavePlacesAndSensorPosesOfTheirOwn) {
-  const Scene scene = wall();
+  const Scene scene = wall_scene();
   DatasetOptions options;
   options.random = 6;
   const DatasetPlan plan = plan_dataset(scene, options);
@@ -67,7 +67,7 @@ TEST(Dataset, RandomCapturesHavePlacesAndSensorPosesOfTheirOwn) {
 }
 
 TEST(Dataset, CapturesAreWhatTheSimulatedSensorSenses) {
-  const Scene scene = wall();
+  const Scene scene = wall_scene();
   DatasetOptions options;
   options.objects = 4;
   options.sensors = 2;
@@ -96,7 +96,7 @@ TEST(Dataset, CapturesAreWhatTheSimulatedSensorSenses) {
 }
 
 TEST(Dataset, SameSeedSameCaptures) {
-  const Scene scene = wall();
+  const Scene scene = wall_scene();
   DatasetOptions options;
   options.objects = 1;
   options.sensors = 2;
@@ -110,7 +110,7 @@ TEST(Dataset, SameSeedSameCaptures) {
 }
 
 TEST(Dataset, RefusesWhatItCannotDo) {
-  Scene scene = wall();
+  Scene scene = wall_scene();
   DatasetOptions options;
   options.objects = 399;
   EXPECT_THROW(plan_dataset(scene, options), Error);

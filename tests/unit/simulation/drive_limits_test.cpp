@@ -15,14 +15,14 @@ namespace {
 
 constexpr double kCyclist = 5.6;  // m/s, the fastest of 2.8 to 5.6
 
-const Drive& crossing() {
+const Drive& crossing_drive() {
   static const Drive drive =
       read_drive(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist_drive.json");
   return drive;
 }
 
-const SimulatedSensor& sensor() {
-  static const SimulatedSensor made(crossing().scene);
+const SimulatedSensor& crossing_sensor() {
+  static const SimulatedSensor made(crossing_drive().scene);
   return made;
 }
 
@@ -30,7 +30,7 @@ DriveLimits limits_of(const Drive& drive, int speeds = 4) {
   DriveLimitsOptions options;
   options.speeds = speeds;
   options.light_every = 0;
-  return drive_limits(drive, sensor(), options);
+  return drive_limits(drive, crossing_sensor(), options);
 }
 
 /// Both centres would meet at time 0; the bodies touch at the first time at which they overlap
@@ -38,7 +38,7 @@ DriveLimits limits_of(const Drive& drive, int speeds = 4) {
 double contact(double speed) { return -std::min((2.25 + 0.3) / speed, (0.9 + 0.95) / kCyclist); }
 
 TEST(DriveLimits, DirectSightComesPastTheCorner) {
-  const DriveLimits limits = limits_of(crossing());
+  const DriveLimits limits = limits_of(crossing_drive());
   ASSERT_EQ(limits.speed.size(), 4U);
   EXPECT_DOUBLE_EQ(limits.speed.front(), 5.56);
   EXPECT_DOUBLE_EQ(limits.speed.back(), 16.67);
@@ -60,7 +60,7 @@ TEST(DriveLimits, DirectSightComesPastTheCorner) {
 }
 
 TEST(DriveLimits, AStandingObjectNeedsTheDistanceToStop) {
-  Drive drive = crossing();
+  Drive drive = crossing_drive();
   drive.truth.meeting.reset();
   drive.truth.velocity = {Eigen::Vector2d::Zero()};
   drive.truth.velocity_upper.clear();
@@ -78,15 +78,15 @@ TEST(DriveLimits, AStandingObjectNeedsTheDistanceToStop) {
 }
 
 TEST(DriveLimits, LessFrictionAndLongerDelaysLowerTheLimit) {
-  const DriveLimits dry = limits_of(crossing());
+  const DriveLimits dry = limits_of(crossing_drive());
   ASSERT_TRUE(dry.sight_limit.has_value());
   EXPECT_GT(*dry.sight_limit, 5.56);
-  Drive wet = crossing();
+  Drive wet = crossing_drive();
   wet.vehicle.friction = 0.3;
   const DriveLimits slippery = limits_of(wet);
   ASSERT_TRUE(slippery.sight_limit.has_value());
   EXPECT_LT(*slippery.sight_limit, *dry.sight_limit);
-  Drive slow = crossing();
+  Drive slow = crossing_drive();
   slow.delay["los"] = 0.3;
   EXPECT_LT(limits_of(slow).sight_limit.value_or(99), *dry.sight_limit);
 }
@@ -121,13 +121,13 @@ TEST(DriveLimits, AreWrittenWithNullWhereThereIsNone) {
 }
 
 TEST(DriveLimits, NeedToKnowWhoIsMet) {
-  EXPECT_TRUE(states_who_is_met(crossing()));
-  Drive drive = crossing();
+  EXPECT_TRUE(states_who_is_met(crossing_drive()));
+  Drive drive = crossing_drive();
   drive.truth.meeting.reset();
   EXPECT_FALSE(states_who_is_met(drive)) << "only x is stated";
   DriveLimitsOptions options;
   options.speeds = 0;
-  EXPECT_THROW(drive_limits(crossing(), sensor(), options), Error);
+  EXPECT_THROW(drive_limits(crossing_drive(), crossing_sensor(), options), Error);
 }
 
 }  // namespace

@@ -21,22 +21,22 @@
 namespace blindcorner {
 namespace {
 
-const Drive& robot() {
+const Drive& robot_drive() {
   static const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/robot_drive.json");
   return drive;
 }
 
-const SimulatedSensor& sensor() {
-  static const SimulatedSensor made(robot().scene);
+const SimulatedSensor& robot_sensor() {
+  static const SimulatedSensor made(robot_drive().scene);
   return made;
 }
 
-DriveResult run(const Drive& drive, const std::string& perception, std::uint64_t seed = 1) {
+DriveResult run_drive(const Drive& drive, const std::string& perception, std::uint64_t seed = 1) {
   DriveOptions options;
   options.perception = perception;
   options.seed = seed;
   options.keep_pictures = false;
-  return drive_through(drive, sensor(), options);
+  return drive_through(drive, robot_sensor(), options);
 }
 
 TEST(ConvexDistance, OfSquaresAndLines) {
@@ -50,7 +50,7 @@ TEST(ConvexDistance, OfSquaresAndLines) {
 }
 
 TEST(TrueWorld, MovesOnBeyondTheRegionsBorder) {
-  Drive drive = robot();
+  Drive drive = robot_drive();
   drive.truth.components = {TrueComponent{0.4, 0.4}, TrueComponent{1.9, 1.9}};
   drive.truth.velocity[0] = {0.1, 0};
   const TrueWorld world(drive, 1);
@@ -80,7 +80,7 @@ TEST(TrueWorld, VehicleAndObjectMeetWhereTheDriveSays) {
 
 /// From the vehicle everything stands where it stood: only its map is displaced.
 TEST(TrueWorld, BeliefMovesVehicleAndObjectsTogether) {
-  Drive drive = robot();
+  Drive drive = robot_drive();
   const TrueWorld exact(drive, 7);
   drive.vehicle.localization_sigma = 0.1;
   drive.vehicle.localization_yaw_sigma = 0.2;
@@ -103,8 +103,8 @@ TEST(TrueWorld, BeliefMovesVehicleAndObjectsTogether) {
 
 // The cells that are looked at are all that there are to find.
 TEST(TrueWorld, WallCellsAreThoseThatWallsReachInto) {
-  const TrueWorld world(robot(), 1);
-  const GridGeometry& map = robot().map;
+  const TrueWorld world(robot_drive(), 1);
+  const GridGeometry& map = robot_drive().map;
   std::vector<bool> found(map.cells());
   for (const Cell& cell : world.wall_cells()) {
     EXPECT_FALSE(found[map.index(cell)]) << "twice";
@@ -120,8 +120,9 @@ TEST(TrueWorld, WallCellsAreThoseThatWallsReachInto) {
 }
 
 TEST(Perception, KnownByNameOnly) {
-  const PerceptionSetup setup{
-      robot().scene, robot().motion, {}, [](double) { return std::optional<PoseVector>(); }};
+  const PerceptionSetup setup{robot_drive().scene, robot_drive().motion, {}, [](double) {
+                                return std::optional<PoseVector>();
+                              }};
   EXPECT_THROW(make_perception("x-ray", setup), Error);
   const auto los = make_perception("los", setup);
   EXPECT_FALSE(los->perceive({}, Transform::Identity(), 0).mixture);
@@ -132,7 +133,7 @@ TEST(Perception, KnownByNameOnly) {
 }
 
 TEST(Perception, SolverSaysWhatIsWrongWithAFrame) {
-  const PerceptionSetup setup{robot().scene, robot().motion, {}, {}};
+  const PerceptionSetup setup{robot_drive().scene, robot_drive().motion, {}, {}};
   const auto solver = make_perception("solver", setup);
   const auto answer = solver->perceive({}, Transform::Identity(), 0);  // no histograms
   EXPECT_FALSE(answer.mixture);
@@ -141,9 +142,9 @@ TEST(Perception, SolverSaysWhatIsWrongWithAFrame) {
 
 /// It ends where the robot takes the goal to be: off by the error, which it cannot know.
 TEST(DriveLoop, ALocalizationErrorDisplacesTheDrive) {
-  Drive drive = robot();
+  Drive drive = robot_drive();
   drive.vehicle.localization_sigma = 0.03;
-  const DriveResult result = run(drive, "oracle");
+  const DriveResult result = run_drive(drive, "oracle");
   EXPECT_EQ(result.outcome, DriveOutcome::reached);
   const TrueWorld world(drive, 1);
   VehicleState end;
@@ -153,7 +154,7 @@ TEST(DriveLoop, ALocalizationErrorDisplacesTheDrive) {
 }
 
 TEST(DriveLoop, OracleReachesTheGoal) {
-  const DriveResult result = run(robot(), "oracle");
+  const DriveResult result = run_drive(robot_drive(), "oracle");
   EXPECT_EQ(result.outcome, DriveOutcome::reached);
   EXPECT_GT(result.clearance, 0);
   ASSERT_FALSE(result.frames.empty());
@@ -161,7 +162,7 @@ TEST(DriveLoop, OracleReachesTheGoal) {
 }
 
 TEST(DriveLoop, LineOfSightKnowsOnlyWhatItSees) {
-  const DriveResult result = run(robot(), "los");
+  const DriveResult result = run_drive(robot_drive(), "los");
   ASSERT_FALSE(result.frames.empty());
   bool sighted = false;
   for (const DriveFrame& frame : result.frames) {
@@ -172,7 +173,7 @@ TEST(DriveLoop, LineOfSightKnowsOnlyWhatItSees) {
 }
 
 TEST(DriveLoop, SolverFindsTheObjectBeforeItIsInSight) {
-  const DriveResult result = run(robot(), "solver");
+  const DriveResult result = run_drive(robot_drive(), "solver");
   double best = 1;
   for (const DriveFrame& frame : result.frames) {
     if (frame.fate != FrameFate::used || !frame.mixture || frame.mixture->modes.empty()) continue;
@@ -183,16 +184,17 @@ TEST(DriveLoop, SolverFindsTheObjectBeforeItIsInSight) {
 }
 
 TEST(DriveLoop, SameSeedSameDrive) {
-  const DriveResult a = run(robot(), "oracle", 3), b = run(robot(), "oracle", 3);
+  const DriveResult a = run_drive(robot_drive(), "oracle", 3),
+                    b = run_drive(robot_drive(), "oracle", 3);
   ASSERT_EQ(a.trace.size(), b.trace.size());
   for (std::size_t i = 0; i < a.trace.size(); ++i) EXPECT_EQ(a.trace[i], b.trace[i]);
 }
 
 TEST(DriveLoop, ADelayHoldsAnswersBack) {
-  Drive drive = robot();
+  Drive drive = robot_drive();
   drive.delay["oracle"] = 0.5;  // of a frame each 0.2 s
   drive.time_limit = 1.0;
-  const DriveResult result = run(drive, "oracle");
+  const DriveResult result = run_drive(drive, "oracle");
   ASSERT_GE(result.frames.size(), 5U);
   EXPECT_FALSE(result.frames[0].mixture && result.frames[0].mixture_age < 0);
   EXPECT_EQ(result.frames[1].fate, FrameFate::busy);
@@ -202,13 +204,13 @@ TEST(DriveLoop, ADelayHoldsAnswersBack) {
 
 // The solver's answers come after its own run time; meanwhile frames are passed over, not queued.
 TEST(DriveLoop, InRealTimeFramesArePassedOverWhileTheSolverIsBusy) {
-  Drive drive = robot();
+  Drive drive = robot_drive();
   drive.sensor.rate = 200;
   drive.time_limit = 1.0;
   DriveOptions options;
   options.seed = 1;
   options.real_time = true;
-  const DriveResult result = drive_through(drive, sensor(), options);
+  const DriveResult result = drive_through(drive, robot_sensor(), options);
   bool first = true;
   std::size_t passed = 0;
   for (std::size_t i = 0; i < result.frames.size(); ++i) {
@@ -227,35 +229,35 @@ TEST(DriveLoop, InRealTimeFramesArePassedOverWhileTheSolverIsBusy) {
 }
 
 TEST(DriveLoop, FramesThatNeverArriveLeaveTheVehicleWaiting) {
-  Drive drive = robot();
+  Drive drive = robot_drive();
   drive.sensor.missing_share = 1;
   drive.time_limit = 1;
-  const DriveResult result = run(drive, "los");
+  const DriveResult result = run_drive(drive, "los");
   for (const DriveFrame& frame : result.frames) EXPECT_EQ(frame.fate, FrameFate::missing);
   EXPECT_EQ(result.outcome, DriveOutcome::timeout);
 }
 
 TEST(DriveLoop, LateFramesArriveInOrder) {
-  Drive drive = robot();
+  Drive drive = robot_drive();
   drive.sensor.late_share = 0.5;
   drive.sensor.late_by = 0.3;
-  const DriveResult result = run(drive, "oracle");
+  const DriveResult result = run_drive(drive, "oracle");
   EXPECT_EQ(result.outcome, DriveOutcome::reached);
 }
 
 // Statistics of the map read one frame's; which one does not depend on what else is kept, nor on
 // frames that arrive late.
 TEST(DriveLoop, KeepsTheMapThatStatisticsRead) {
-  Drive drive = robot();
+  Drive drive = robot_drive();
   drive.sensor.late_share = 0.5;
   drive.sensor.late_by = 0.3;
   drive.time_limit = 3;
   DriveOptions options;
   options.perception = "oracle";
-  const DriveResult all = drive_through(drive, sensor(), options);
+  const DriveResult all = drive_through(drive, robot_sensor(), options);
   options.keep_pictures = false;
   options.keep_last_map = true;
-  const DriveResult one = drive_through(drive, sensor(), options);
+  const DriveResult one = drive_through(drive, robot_sensor(), options);
   const DriveFrame* there = last_map(all);
   const DriveFrame* kept = last_map(one);
   ASSERT_NE(there, nullptr);
@@ -273,9 +275,9 @@ TEST(DriveLoop, KeepsTheMapThatStatisticsRead) {
 }
 
 TEST(DriveLoop, NoWayEndsInAStop) {
-  Drive drive = robot();
+  Drive drive = robot_drive();
   drive.route = {{-1.5, 3.5}};  // within the inner corner's block
-  const DriveResult result = run(drive, "oracle");
+  const DriveResult result = run_drive(drive, "oracle");
   EXPECT_EQ(result.outcome, DriveOutcome::stopped);
   EXPECT_GT(result.clearance, 0);
 }
@@ -291,27 +293,29 @@ double relative_difference(const HistogramCube& a, const HistogramCube& b) {
 TEST(SimulatedSensor, AgreesWithTheReferenceRenderer) {
   Transform T = Transform::Identity();
   T.translation() = Eigen::Vector3d(-0.6, 0.4, 0.15);
-  const PoseVector pose = pose_of(stated_placements(robot().scene), robot().scene.unknowns);
-  const SensedLight light = sensor().light(T, pose);
+  const PoseVector pose =
+      pose_of(stated_placements(robot_drive().scene), robot_drive().scene.unknowns);
+  const SensedLight light = robot_sensor().light(T, pose);
   const auto reference =
-      make_reference_renderer(robot().scene, SensorPlacement{T, {}}, reference_sampling(0.5));
+      make_reference_renderer(robot_drive().scene, SensorPlacement{T, {}}, reference_sampling(0.5));
   EXPECT_LT(relative_difference(light.three_bounce, reference->three_bounce(pose)), 0.02);
   EXPECT_LT(relative_difference(light.static_background, reference->shadowed_background(pose)),
             0.005);
 }
 
 TEST(SimulatedSensor, SamplesElsewhereThanTheFit) {
-  const Transform T = robot().scene.T_world_sensor;
-  const PoseVector pose = pose_of(stated_placements(robot().scene), robot().scene.unknowns);
-  const SensedLight light = sensor().light(T, pose);
-  const auto fitted = make_fast_model(robot().scene, SensorPlacement{T, {}});
+  const Transform T = robot_drive().scene.T_world_sensor;
+  const PoseVector pose =
+      pose_of(stated_placements(robot_drive().scene), robot_drive().scene.unknowns);
+  const SensedLight light = robot_sensor().light(T, pose);
+  const auto fitted = make_fast_model(robot_drive().scene, SensorPlacement{T, {}});
   // Far above rounding: no fit meets its own model in these captures.
   EXPECT_GT(relative_difference(light.three_bounce, fitted->three_bounce(pose)), 1e-4);
   EXPECT_GT(relative_difference(light.static_background, fitted->static_background()), 1e-5);
 }
 
 TEST(SimulatedSensor, MoreLightIsMoreSignalOverTheSameDaylight) {
-  const Scene& scene = robot().scene;
+  const Scene& scene = robot_drive().scene;
   const Scene brighter = with_light(scene, 10);
   EXPECT_DOUBLE_EQ(brighter.sensor.radiant_intensity, 10 * scene.sensor.radiant_intensity);
   EXPECT_DOUBLE_EQ(brighter.linear.fixed_ambient, scene.linear.fixed_ambient);
@@ -336,7 +340,7 @@ TEST(BlindTurn, TheFrontStaysClearOfWhoStandsBesideTheTurn) {
 TEST(DriveLoop, ClaimsNothingInTheDarkAndNothingWrongInFog) {
   for (const double light : {1e-6, 1.0, 10.0}) {
     int claims = 0;
-    Drive drive = robot();
+    Drive drive = robot_drive();
     drive.scene = with_light(drive.scene, light, 10);
     drive.time_limit = 2;
     const DriveResult result = drive_through(drive, SimulatedSensor(drive.scene), {});

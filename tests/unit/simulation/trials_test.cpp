@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Drive street() {
+Drive street_drive() {
   Drive drive;
   drive.trials = {6, 12, 6};
   return drive;
@@ -31,7 +31,7 @@ std::vector<Trial> plan(int trials, int error_trials = 0) {
   options.trials = trials;
   options.error_trials = error_trials;
   options.perceptions = {"los", "oracle"};
-  return plan_trials(street(), options);
+  return plan_trials(street_drive(), options);
 }
 
 /// An outcome that depends on the trial alone, with digits that rounding would lose.
@@ -63,7 +63,7 @@ class Journal : public ::testing::Test {
     }
     std::vector<TrialResult> results = journal.results();
     sort_trials(results);
-    return trials_csv(street().trials, results) + errors_csv(street().trials, results);
+    return trials_csv(street_drive().trials, results) + errors_csv(street_drive().trials, results);
   }
 
   test::TemporaryFolder folder_;
@@ -192,7 +192,7 @@ TEST(Trials, RisksAreDrivenBesideTheDriveFiles) {
   TrialsOptions options;
   options.trials = 3;
   options.perceptions = {"los"};
-  Drive drive = street();
+  Drive drive = street_drive();
   drive.traffic_risk = 0.02;
   const std::vector<Trial> own = plan_trials(drive, options);
   options.risks = {0.001, 0.02, 0.1};
@@ -226,7 +226,7 @@ TEST(Trials, CostsComeBackFromTheJournal) {
   EXPECT_TRUE(back.with_costs && back.present);
   EXPECT_EQ(back.impact_speed, 5.25);
   EXPECT_EQ(back.trial.risk, 0.001);
-  const std::string table = trials_csv(street().trials, {back});
+  const std::string table = trials_csv(street_drive().trials, {back});
   EXPECT_THAT(table, testing::HasSubstr(
                          ",length_m,risk,present,impact_m_per_s,hardest_braking_m_per_s2\n"));
   EXPECT_THAT(table, testing::EndsWith(",0.001,1,5.250,8.800\n"));

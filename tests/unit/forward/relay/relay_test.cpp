@@ -33,7 +33,7 @@ Surface wall(const Vector3d& center, const Vector3d& normal, double width, doubl
   return surface;
 }
 
-AngularRectangle rectangle(double left, double right, double top, double bottom) {
+AngularRectangle angles(double left, double right, double top, double bottom) {
   return {left * kDegree, right * kDegree, top * kDegree, bottom * kDegree};
 }
 
@@ -58,21 +58,21 @@ TEST(RelayTest, SolidAnglesHaveTheirClosedForms) {
   // Four times the corner for a symmetric field, 2 pi (1 - cos) for a cone.
   const double x = std::tan(20.5 * kDegree);
   const double y = std::tan(26 * kDegree);
-  EXPECT_NEAR(solid_angle(rectangle(-20.5, 20.5, -26, 26)), 4 * corner_angle(x, y), 1e-12);
+  EXPECT_NEAR(solid_angle(angles(-20.5, 20.5, -26, 26)), 4 * corner_angle(x, y), 1e-12);
   EXPECT_NEAR(solid_angle(AngularCone{0.3}), 2 * kPi * (1 - std::cos(0.3)), 1e-12);
   // Half of a symmetric field to one side, and a field that lies off the axis altogether.
-  EXPECT_NEAR(solid_angle(rectangle(0, 20.5, -26, 26)), 2 * corner_angle(x, y), 1e-12);
-  EXPECT_NEAR(solid_angle(rectangle(10, 20.5, 0, 26)),
+  EXPECT_NEAR(solid_angle(angles(0, 20.5, -26, 26)), 2 * corner_angle(x, y), 1e-12);
+  EXPECT_NEAR(solid_angle(angles(10, 20.5, 0, 26)),
               corner_angle(x, y) - corner_angle(std::tan(10 * kDegree), y), 1e-12);
   // A field of nearly a half space.
-  EXPECT_NEAR(solid_angle(rectangle(-89.999, 89.999, -89.999, 89.999)), 2 * kPi, 1e-3);
+  EXPECT_NEAR(solid_angle(angles(-89.999, 89.999, -89.999, 89.999)), 2 * kPi, 1e-3);
 }
 
 // Whatever the division, the patches of a wall that fills the field account for all of it.
 TEST(RelayTest, PatchesOfAFullFieldAddUpToItsSolidAngle) {
   const std::vector<Surface> surfaces = {wall({0.6, 0, 0}, {-1, 0, 0}, 10, 10)};
-  const std::vector<FieldOfIllumination> regions = {rectangle(-16.5, 16.5, -16, 16),
-                                                    rectangle(5, 20, -12, -3), AngularCone{0.5}};
+  const std::vector<FieldOfIllumination> regions = {angles(-16.5, 16.5, -16, 16),
+                                                    angles(5, 20, -12, -3), AngularCone{0.5}};
   for (const FieldOfIllumination& region : regions) {
     for (const bool gauss : {false, true}) {
       for (const int divisions : {1, 2, 7, 20}) {
@@ -97,7 +97,7 @@ TEST(RelayTest, PatchesLieOnTheSurface) {
   const Matrix3d rotation = Eigen::AngleAxisd(0.2, Vector3d(1, 2, 3).normalized()).matrix();
   RelaySampling sampling;
   sampling.divisions = 12;
-  const std::vector<FieldOfIllumination> regions = {rectangle(-15, 20, -12, 18), AngularCone{0.3}};
+  const std::vector<FieldOfIllumination> regions = {angles(-15, 20, -12, 18), AngularCone{0.3}};
   for (const FieldOfIllumination& region : regions) {
     for (const RelayPatch& patch : sample(surfaces, region, sampling, origin, rotation)) {
       // Embree traces in single precision: 1e-7 of a metre's length, a few times.
@@ -132,7 +132,7 @@ TEST(RelayTest, FieldThatCrossesAnEdgeKeepsThePartOnTheSurface) {
       if (gauss) sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
       const double cell = 2 * y / divisions / 16;
       const double strip = 2 * y * cell / 2 / 16;  // sr, at most: cells over the edge are shared
-      EXPECT_NEAR(total(sample(surfaces, rectangle(-20, 20, -20, 20), sampling)), exact, strip);
+      EXPECT_NEAR(total(sample(surfaces, angles(-20, 20, -20, 20), sampling)), exact, strip);
     }
   }
 }
@@ -142,7 +142,7 @@ TEST(RelayTest, FieldOverTwoSurfacesIsSharedBetweenThem) {
   const std::vector<Surface> surfaces = {wall({1, 0, 5}, {-1, 0, 0}, 20, 10, 0.7),
                                          wall({0, 0, 0}, {0, 0, 1}, 20, 20, 0.2)};
   const Vector3d origin(0, 0, 0.1);
-  const AngularRectangle region = rectangle(-15, 15, -10, 20);
+  const AngularRectangle region = angles(-15, 15, -10, 20);
   RelaySampling sampling;
   sampling.divisions = 8;
   std::map<int, double> share;
@@ -171,7 +171,7 @@ TEST(RelayTest, ASeamNearACellsEdgeIsSeen) {
       wall({0, 0, -3 * (bottom - seam)}, Vector3d::UnitZ(), 10, 10, 0.3),
   };
   double on_floor = 0;
-  for (const RelayPatch& patch : sample(room, rectangle(-5, 5, -5, 5), sampling)) {
+  for (const RelayPatch& patch : sample(room, angles(-5, 5, -5, 5), sampling)) {
     if (patch.surface == 1) on_floor += patch.solid_angle;
   }
   const double exact = 2 * (corner_angle(bottom, bottom) - corner_angle(bottom, bottom - seam));
@@ -191,7 +191,7 @@ TEST(RelayTest, CellsOverASeamAreShared) {
         wall({3, 0, 0}, -Vector3d::UnitX(), 10, 10),
         wall({0, 0, -3 * seam}, Vector3d::UnitZ(), 10, 10, 0.3),
     };
-    const auto patches = sample(room, rectangle(-5, 5, -5, 5), sampling);
+    const auto patches = sample(room, angles(-5, 5, -5, 5), sampling);
     double on_wall = 0, on_floor = 0, lowest = 0, farthest = 0;
     for (const RelayPatch& patch : patches) {
       (patch.surface == 0 ? on_wall : on_floor) += patch.solid_angle;
@@ -202,7 +202,7 @@ TEST(RelayTest, CellsOverASeamAreShared) {
     const double exact = 2 * (corner_angle(bottom, -top) + corner_angle(bottom, seam));
     const double row = total(patches) / 4;
     EXPECT_NEAR(on_wall, exact, 0.02 * row) << t;
-    EXPECT_NEAR(on_wall + on_floor, solid_angle(rectangle(-5, 5, -5, 5)), 1e-4 * row) << t;
+    EXPECT_NEAR(on_wall + on_floor, solid_angle(angles(-5, 5, -5, 5)), 1e-4 * row) << t;
     // Patches end at the seam, but for what one ray may miss; along the grazing floor that is more,
     // and far and near halves of a patch differ.
     EXPECT_NEAR(lowest, -3 * seam, 3 * 0.03 * cell) << t;
@@ -220,7 +220,7 @@ TEST(RelayTest, GaussNodesIntegrateSmoothWeights) {
     if (gauss) sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
     double sum = 0;
     const Vector3d object(0.3, 0.6, 0.1);
-    for (const RelayPatch& p : sample(surfaces, rectangle(-20, 20, -20, 20), sampling)) {
+    for (const RelayPatch& p : sample(surfaces, angles(-20, 20, -20, 20), sampling)) {
       const Vector3d way = object - p.center;
       sum += p.solid_angle * p.normal.dot(way) / std::pow(way.norm(), 3);
     }
@@ -239,7 +239,7 @@ TEST(RelayTest, GaussNodesOfACellShareAGroup) {
   sampling.divisions = 3;
   sampling.nodes = [](const RelayPatch&) { return std::array{2, 2}; };
   std::map<int, int> count;
-  for (const RelayPatch& patch : sample(surfaces, rectangle(-20, 20, -20, 20), sampling)) {
+  for (const RelayPatch& patch : sample(surfaces, angles(-20, 20, -20, 20), sampling)) {
     EXPECT_TRUE(patch.node);
     ++count[patch.group];
   }
@@ -256,7 +256,7 @@ TEST(RelayTest, SplitHalvesUntilContent) {
     if (patch.half_u.norm() > kMax) return 1;
     return patch.half_v.norm() > kMax ? 2 : 0;
   };
-  const AngularRectangle region = rectangle(-20, 20, -10, 10);
+  const AngularRectangle region = angles(-20, 20, -10, 10);
   const auto patches = sample(surfaces, region, sampling);
   EXPECT_NEAR(total(patches), solid_angle(region), 1e-9);
   std::set<int> groups;
@@ -284,7 +284,7 @@ TEST(RelayTest, BackOfARectangleIsBlack) {
 }
 
 TEST(RelayTest, FieldsContainTheirOwnDirections) {
-  const FieldOfIllumination region = rectangle(-10, 20, -5, 15);
+  const FieldOfIllumination region = angles(-10, 20, -5, 15);
   const auto inside = [&](double right, double down) {
     return contains(region,
                     direction_from_tangents(std::tan(right * kDegree), std::tan(down * kDegree)));

@@ -36,7 +36,7 @@ const std::vector<ShapeCase>& shape_cases() {
   return cases;
 }
 
-Placement some_placement(double size = 1.0) {
+Placement tilted_placement(double size = 1.0) {
   Placement placement;
   placement.position = Vector3d(0.4, -1.3, 0.8);
   placement.yaw = 0.7;
@@ -60,7 +60,7 @@ TEST_P(EveryShape, CellAreasAddUpToTheSurface) {
       for (const int least : {1, 3}) {
         double area = 0;
         for (const SurfaceCell& cell :
-             divide(shape(), world(some_placement(size)), size, edge, least)) {
+             divide(shape(), world(tilted_placement(size)), size, edge, least)) {
           area += cell.area;
         }
         EXPECT_NEAR(area, size * size * shape_case().area, 1e-12 * shape_case().area)
@@ -90,7 +90,7 @@ TEST_P(EveryShape, QuadratureAddsUpToTheSurfaceAndIntegratesQuadratics) {
 }
 
 TEST_P(EveryShape, CellsAreSmallParallelogramsWithOutwardNormals) {
-  const Transform T = world(some_placement());
+  const Transform T = world(tilted_placement());
   constexpr double kEdge = 0.05;
   for (const SurfaceCell& cell : divide(shape(), T, 1.0, kEdge, 2)) {
     EXPECT_NEAR(cell.normal.norm(), 1.0, 1e-12);
@@ -111,7 +111,7 @@ TEST_P(EveryShape, CellsAreSmallParallelogramsWithOutwardNormals) {
 // One cell that points inwards or has a wrong centre breaks it.
 TEST_P(EveryShape, CellsOfAClosedShapeObeyTheDivergenceTheorem) {
   if (!shape_case().closed) return;
-  const Transform T = world(some_placement());
+  const Transform T = world(tilted_placement());
   Vector3d flux = Vector3d::Zero();
   double volume = 0;
   for (const SurfaceCell& cell : divide(shape(), T, 1.0, 0.05, 2)) {
@@ -149,7 +149,7 @@ TEST_P(EveryShape, SecondMomentsConvergeQuadratically) {
 TEST_P(EveryShape, CellsFollowThePlacementRigidly) {
   const auto home = divide(shape(), Transform::Identity(), 1.0, 0.11, 2);
   const double size = 1.3;
-  const Transform T = world(some_placement(size));
+  const Transform T = world(tilted_placement(size));
   const auto moved = divide(shape(), T, size, 0.11, 2);
   ASSERT_EQ(home.size(), moved.size());
   for (std::size_t i = 0; i < home.size(); ++i) {
@@ -162,7 +162,7 @@ TEST_P(EveryShape, CellsFollowThePlacementRigidly) {
 
 TEST_P(EveryShape, AnchorsNameTheCentroidOrTheFootprint) {
   for (const double size : {1.0, 1.6}) {
-    const Placement placement = some_placement(size);
+    const Placement placement = tilted_placement(size);
     for (const Anchor anchor : {Anchor::center, Anchor::base}) {
       const Transform T = object_to_world(shape(), anchor, placement);
       Vector3d centroid = Vector3d::Zero();
@@ -185,7 +185,7 @@ TEST_P(EveryShape, AnchorsNameTheCentroidOrTheFootprint) {
 
 TEST_P(EveryShape, BoundingRadiusReachesTheFarthestPointOnly) {
   for (const Anchor anchor : {Anchor::center, Anchor::base}) {
-    const Placement placement = some_placement();
+    const Placement placement = tilted_placement();
     double farthest = 0;
     for (const Triangle& triangle :
          triangulate(shape(), object_to_world(shape(), anchor, placement), 1.0, 200)) {
@@ -222,7 +222,7 @@ Key key_of(const Vector3d& p) {
 
 // Occlusion is traced against these triangles: they have to be watertight and wound outwards.
 TEST_P(EveryShape, TriangulationIsWatertightAndOutward) {
-  const Transform T = world(some_placement(1.2));
+  const Transform T = world(tilted_placement(1.2));
   std::map<std::pair<Key, Key>, int> edges;
   double volume = 0;
   double area = 0;
@@ -253,7 +253,7 @@ TEST_P(EveryShape, TriangulationIsWatertightAndOutward) {
 // A turn by the period leaves every corner on some corner, half of it does not.
 TEST_P(EveryShape, YawPeriodIsTheSmallestTurnThatLooksTheSame) {
   const auto looks_the_same = [&](const Shape& s, double turn) {
-    Placement placement = some_placement();
+    Placement placement = tilted_placement();
     const auto points = [&] {
       std::map<Key, int> set;
       for (const SurfaceCell& cell :
@@ -325,7 +325,7 @@ TEST(ShapeTest, YawTurnsCounterClockwiseFromX) {
 }
 
 TEST(ShapeTest, FlatFacesAreWoundOutwardsAndOnlyOfFlatShapes) {
-  const Transform T = object_to_world(BoxShape{}, Anchor::center, some_placement());
+  const Transform T = object_to_world(BoxShape{}, Anchor::center, tilted_placement());
   const auto faces = flat_faces(BoxShape{{0.3, 0.4, 0.5}}, T, 1.0);
   EXPECT_EQ(faces.size(), 6U);
   for (const auto& face : faces) {
@@ -351,7 +351,7 @@ TEST(PoseTest, UnknownsReplaceTheirComponentsAndNothingElse) {
   const std::vector<Unknown> unknowns = {{Component::yaw, -1.0, 1.0, std::nullopt},
                                          {Component::x, 0.0, 2.0, std::nullopt},
                                          {Component::size, 0.5, 2.0, std::nullopt}};
-  const Placement known = some_placement();
+  const Placement known = tilted_placement();
   const PoseVector pose = (PoseVector(3) << 0.1, 1.5, 0.9).finished();
   const Placement placed = place(known, unknowns, pose);
   EXPECT_EQ(placed.yaw, 0.1);

@@ -98,20 +98,20 @@ TEST(PileUp, DrawnCountsAreBinomialGivenTheEarlierOnes) {
   expected.values = bright_histogram();
   pile_up(5000, expected.values.data(), 40);
   std::vector<double> first(40, 0.0), second(40, 0.0);
-  constexpr int kDraws = 4000;
-  for (int i = 0; i < kDraws; ++i) {
+  constexpr int kPiledUpDraws = 4000;
+  for (int i = 0; i < kPiledUpDraws; ++i) {
     const HistogramCube counts = draw_counts(scene, expected, 1, static_cast<std::uint64_t>(i));
     for (std::size_t k = 0; k < 40; ++k) {
-      first[k] += counts.values[k] / kDraws;
-      second[k] += counts.values[k] * counts.values[k] / kDraws;
+      first[k] += counts.values[k] / kPiledUpDraws;
+      second[k] += counts.values[k] * counts.values[k] / kPiledUpDraws;
     }
   }
   for (std::size_t k = 0; k < 40; ++k) {
     const double p = expected.values[k] / 5000;
     const double variance = 5000 * p * (1 - p);  // of a multinomial's bin
-    EXPECT_NEAR(first[k], expected.values[k], 5 * std::sqrt(variance / kDraws));
+    EXPECT_NEAR(first[k], expected.values[k], 5 * std::sqrt(variance / kPiledUpDraws));
     EXPECT_NEAR(second[k] - first[k] * first[k], variance,
-                5 * variance * std::sqrt((2 + 1 / variance) / kDraws));
+                5 * variance * std::sqrt((2 + 1 / variance) / kPiledUpDraws));
   }
 }
 

@@ -15,6 +15,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/scene_file.h"
+#include "unit/test_scenes.h"
 
 namespace blindcorner {
 namespace {
@@ -25,27 +26,12 @@ constexpr double kEstimateFactor = 4.0;
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
+using testing_scenes::at;
+using testing_scenes::axes_along;
+using testing_scenes::field_of;
 
 // ---------------------------------------------------------------------------------------------
 // Scenes
-
-Transform at(const Vector3d& position, const Matrix3d& rotation = Matrix3d::Identity()) {
-  Transform T = Transform::Identity();
-  T.linear() = rotation;
-  T.translation() = position;
-  return T;
-}
-
-/// Axes with x along `normal` and z as far up as possible.
-Matrix3d axes_along(const Vector3d& normal) {
-  const Vector3d up = std::abs(normal.z()) > 0.99 * normal.norm() ? Vector3d::UnitX().eval()
-                                                                  : Vector3d::UnitZ().eval();
-  Matrix3d axes;
-  axes.col(0) = normal.normalized();
-  axes.col(1) = up.cross(axes.col(0)).normalized();
-  axes.col(2) = axes.col(0).cross(axes.col(1));
-  return axes;
-}
 
 Surface relay_wall(const Vector3d& center, const Vector3d& normal, double side,
                    double albedo = 0.7) {
@@ -86,10 +72,6 @@ void divide_field(Sensor& sensor, int rows, int columns, double h_deg, double v_
       sensor.zones.push_back(zone);
     }
   }
-}
-
-AngularRectangle field_of(double h_deg, double v_deg) {
-  return {-h_deg * kDegree / 2, h_deg * kDegree / 2, -v_deg * kDegree / 2, v_deg * kDegree / 2};
 }
 
 /// A small sensor 0.6 m before a wall, a matt plate beside the line of sight. All metres.
@@ -838,9 +820,9 @@ TEST(FastModelTest, ToleranceBuysAccuracy) {
 // many change the light by 2e-4.
 TEST(ReferenceRenderer, FewCellsOfSmallZonesDo) {
   std::ifstream file(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json");
-  nlohmann::json json = nlohmann::json::parse(file);
-  json["sensor"] = {{"preset", "tmf8829_16x16"}};
-  const Scene scene = parse_scene(json, "tmf8828_wall.json");
+  nlohmann::json document = nlohmann::json::parse(file);
+  document["sensor"] = {{"preset", "tmf8829_16x16"}};
+  const Scene scene = parse_scene(document, "tmf8828_wall.json");
   ReferenceOptions options;
   options.field_divisions = 4;
   const auto light = [&](int zone_divisions) {

@@ -48,17 +48,17 @@ struct Gathered {
 };
 
 /// A patch at `way` from the object whose outer leg is `leg` long, with gradient `leg_gradient`.
-struct Patch {
+struct LitPatch {
   Vector3d way;
   double leg = 0;
   Vector3d leg_gradient = Vector3d::Zero();
   Vector3d u = Vector3d::Zero(), v = Vector3d::Zero();
 };
 
-std::vector<Gathered> gather(const LobeField::View& view, const std::vector<Patch>& patches,
+std::vector<Gathered> gather(const LobeField::View& view, const std::vector<LitPatch>& patches,
                              const Vector3d& object_normal, int zone = 0) {
   std::vector<std::vector<double>> lanes(15);
-  for (const Patch& p : patches) {
+  for (const LitPatch& p : patches) {
     const double r = p.way.norm();
     const Vector3d d = p.way / r;
     const double whole = p.u.norm() > 0 ? 1.0 / 3 : 0.0;
@@ -94,7 +94,7 @@ std::vector<Gathered> gather(const LobeField::View& view, const std::vector<Patc
 
 /// About one direction; paths are those of the light on its way in alone.
 Gathered about(const LobeField::View& view, const Vector3d& direction, int zone = 0) {
-  Patch patch;
+  LitPatch patch;
   patch.way = direction.normalized();
   patch.leg = -1;
   return gather(view, {patch}, direction.normalized(), zone).front();
@@ -320,7 +320,7 @@ TEST(LobeField, PatchIsTheMeanOfItsPoints) {
     const Vector3d u(0.012, 0, 0), v(0, 0.008, 0);
     const Vector3d normal = Vector3d(-0.6, 0, -0.8);  // of the object
     const auto patch_at = [&](const Vector3d& p) {
-      Patch patch;
+      LitPatch patch;
       patch.way = p - floor.object;
       patch.leg = (p - floor.source).norm();
       patch.leg_gradient = (p - floor.source).normalized();
@@ -330,7 +330,7 @@ TEST(LobeField, PatchIsTheMeanOfItsPoints) {
       const Vector3d way = p - floor.object;
       return way.dot(normal) * -way.z() / std::pow(way.norm(), 4);
     };
-    std::vector<Patch> points;
+    std::vector<LitPatch> points;
     std::vector<double> out;
     constexpr int kSide = 24;
     for (int i = 0; i < kSide; ++i) {
@@ -348,7 +348,7 @@ TEST(LobeField, PatchIsTheMeanOfItsPoints) {
       want.first += out[i] * each[i].first;
       want.second += out[i] * each[i].second;
     }
-    Patch whole = patch_at(center);
+    LitPatch whole = patch_at(center);
     whole.u = u;
     whole.v = v;
     const Gathered got = gather(view, {whole}, normal).front();
@@ -364,7 +364,7 @@ TEST(LobeField, ManyDirectionsAreEachByItself) {
   const TiltedFloor floor(0.0);
   const LobeField field = field_of_scene(floor.scene);
   const auto view = field.seen_from(floor.object, {});
-  std::vector<Patch> patches(150);
+  std::vector<LitPatch> patches(150);
   for (std::size_t i = 0; i < patches.size(); ++i) {
     patches[i].way = Vector3d(0.3 + 0.004 * static_cast<double>(i), 0.02, 0) - floor.object;
   }

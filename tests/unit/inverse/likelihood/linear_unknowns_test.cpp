@@ -15,7 +15,7 @@
 namespace blindcorner {
 namespace {
 
-constexpr int kBins = 60;
+constexpr int kModelBins = 60;
 
 /// Counts of two zones with a bump of object light each, a direct return at the start, ambient
 /// light below; all drawn from their law.
@@ -30,15 +30,15 @@ struct Problem {
           unsigned seed = 5, int zones = 2) {
     scene.sensor.rows = 1;
     scene.sensor.columns = zones;
-    scene.sensor.bins = kBins;
+    scene.sensor.bins = kModelBins;
     scene.sensor.noise = law;
     scene.sensor.zones.resize(static_cast<std::size_t>(zones));
     Capture capture;
-    capture.counts = HistogramCube(1, zones, kBins);
+    capture.counts = HistogramCube(1, zones, kModelBins);
     std::mt19937 random(seed);
     for (int z = 0; z < zones; ++z) {
-      std::vector<double> s(kBins), t(kBins);
-      for (int k = 0; k < kBins; ++k) {
+      std::vector<double> s(kModelBins), t(kModelBins);
+      for (int k = 0; k < kModelBins; ++k) {
         s[static_cast<std::size_t>(k)] =
             (2 + z) * std::exp(-0.5 * std::pow((k - 35 - 4 * z) / 3.0, 2));
         t[static_cast<std::size_t>(k)] = 30 * std::exp(-0.3 * std::abs(k - 8));
@@ -57,7 +57,7 @@ struct Problem {
       direct.push_back(t);
     }
     captures.push_back(capture);
-    look({0, kBins}, with_direct);
+    look({0, kModelBins}, with_direct);
   }
 
   /// Cuts the captures to a gate and lines the shapes up with it.
@@ -162,7 +162,7 @@ class EveryLinearCase : public testing::TestWithParam<LinearCase> {
     Problem p(GetParam().law, GetParam().true_amplitude, GetParam().true_ambient, with_direct,
               seed);
     for (std::size_t z = 0; z < 2 && GetParam().weighted; ++z) {
-      for (int k = 0; k < kBins; ++k) {
+      for (int k = 0; k < kModelBins; ++k) {
         p.observation.zones[z].weight.push_back(0.1 + 0.01 * ((13 * k) % 90));
       }
     }
@@ -331,13 +331,13 @@ TEST_P(EveryLinearCase, JacobianHasThePosteriorsGradient) {
     const Problem p = problem(with_direct);
     const LinearUnknowns u = unknowns(with_direct);
     const LinearSolver solver(p.observation, u);
-    Eigen::MatrixXd slope(2 * kBins, 2);
+    Eigen::MatrixXd slope(2 * kModelBins, 2);
     for (int z = 0; z < 2; ++z) {
-      for (int k = 0; k < kBins; ++k) {
+      for (int k = 0; k < kModelBins; ++k) {
         const double x = (k - 35 - 4 * z) / 3.0;
         const double light = p.object[static_cast<std::size_t>(z)][static_cast<std::size_t>(k)];
-        slope(z * kBins + k, 0) = light * x / 3;
-        slope(z * kBins + k, 1) = light * x * x;
+        slope(z * kModelBins + k, 0) = light * x / 3;
+        slope(z * kModelBins + k, 1) = light * x * x;
       }
     }
     LinearSolution solution;
@@ -354,8 +354,8 @@ TEST_P(EveryLinearCase, JacobianHasThePosteriorsGradient) {
       for (std::size_t side = 0; side < 2; ++side) {
         Problem moved = p;
         for (std::size_t z = 0; z < 2; ++z) {
-          for (std::size_t k = 0; k < kBins; ++k) {
-            const auto row = static_cast<Eigen::Index>(z * kBins + k);
+          for (std::size_t k = 0; k < kModelBins; ++k) {
+            const auto row = static_cast<Eigen::Index>(z * kModelBins + k);
             moved.object[z][k] += (side == 0 ? -step : step) * slope(row, i);
           }
           moved.shapes[z].object = moved.object[z].data();
@@ -401,11 +401,11 @@ INSTANTIATE_TEST_SUITE_P(LinearUnknowns, EveryLinearCase, testing::ValuesIn(line
 TEST(LinearUnknownsTest, WindowLosesNothingUnderAPoissonLaw) {
   Problem whole(PoissonNoise{}, 8, 5, false);
   for (auto& s : whole.object) {
-    for (int k = 0; k < kBins; ++k) {
+    for (int k = 0; k < kModelBins; ++k) {
       if (k < 20 || k >= 55) s[static_cast<std::size_t>(k)] = 0;
     }
   }
-  whole.look({0, kBins}, false);
+  whole.look({0, kModelBins}, false);
   Problem cut = whole;
   cut.look({20, 55}, false);
   LinearUnknowns u;
@@ -429,7 +429,7 @@ TEST(LinearUnknownsTest, AmbientStopsAtZero) {
   EXPECT_TRUE(solution.converged);
   for (const double c : solution.ambient) {
     EXPECT_GE(c, 0);
-    EXPECT_LT(c * kBins, 1e-3) << "photons";
+    EXPECT_LT(c * kModelBins, 1e-3) << "photons";
   }
   EXPECT_NEAR(solution.amplitude[0], 20, 20 * 5 / std::sqrt(20 * 2 * 2.5 * 3 * 2.5));
 }
@@ -449,7 +449,7 @@ TEST(LinearUnknownsTest, DirectIsFoundPerZoneAndStopsAtZero) {
   for (int z = 0; z < 2; ++z) {
     for (int k = 4; k < 13; ++k) none.captures[0].counts.zone(z)[k] = 0;
   }
-  none.look({0, kBins}, true);
+  none.look({0, kModelBins}, true);
   LinearSolver(none.observation, u).solve(none.shapes, solution, false);
   EXPECT_TRUE(solution.converged);
   for (const double b : solution.direct) {
@@ -464,7 +464,7 @@ TEST(LinearUnknownsTest, ZeroCountsStayFinite) {
     for (const LinearMode mode : {LinearMode::shared, LinearMode::per_zone, LinearMode::fixed}) {
       Problem p(PoissonNoise{}, 8, 5, with_direct);
       std::fill(p.captures[0].counts.values.begin(), p.captures[0].counts.values.end(), 0.0);
-      for (const TimeGate gate : {TimeGate{0, kBins}, TimeGate{10, 50}}) {
+      for (const TimeGate gate : {TimeGate{0, kModelBins}, TimeGate{10, 50}}) {
         p.look(gate, with_direct);
         LinearUnknowns u;
         u.amplitude = mode;
@@ -497,7 +497,7 @@ TEST(LinearUnknownsTest, WithoutAnObjectAmbientIsTheMean) {
   LinearSolver(p.observation, u).solve(p.shapes, solution, false);
   for (std::size_t z = 0; z < 2; ++z) {
     double mean = 0;
-    for (const double n : p.observation.zones[z].counts) mean += n / kBins;
+    for (const double n : p.observation.zones[z].counts) mean += n / kModelBins;
     EXPECT_NEAR(solution.ambient[z], mean, 1e-9 * mean);
   }
   EXPECT_EQ(solution.log_prior, 0);
@@ -535,7 +535,7 @@ TEST(LinearUnknownsTest, EvidenceIntegratesOverTheAmbientLightDownToZero) {
         p.captures[0].counts.zone(0)[35] = photons / exposures;
         p.captures[0].exposures = exposures;
         for (double& s : p.object[0]) s *= 0.5 * light / exposures;  // at its peak: light
-        p.look({0, kBins}, false);
+        p.look({0, kModelBins}, false);
         LinearUnknowns u;
         u.amplitude = LinearMode::fixed;
         u.fixed_amplitude = 1;
@@ -544,7 +544,7 @@ TEST(LinearUnknownsTest, EvidenceIntegratesOverTheAmbientLightDownToZero) {
         const auto f = [&](double c) { return loss(p, u, {1}, {c}, {0}); };
         const double least = f(s.ambient[0]);
         constexpr int kSteps = 20'000;
-        const double width = 30.0 * (1 + photons) / (kBins * exposures * kSteps);
+        const double width = 30.0 * (1 + photons) / (kModelBins * exposures * kSteps);
         double sum = 0;
         for (int k = 0; k < kSteps; ++k) sum += width * std::exp(least - f((k + 0.5) * width));
         EXPECT_NEAR(s.log_volume, std::log(sum), 0.4)

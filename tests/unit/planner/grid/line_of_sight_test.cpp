@@ -19,7 +19,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using testing_scenes::at;
 
-const GridGeometry kGrid{.columns = 60, .rows = 60, .cell_size = 0.1, .origin = {-3.0, -3.0}};
+const GridGeometry kSightGrid{.columns = 60, .rows = 60, .cell_size = 0.1, .origin = {-3.0, -3.0}};
 
 /// A wall at x = 1 from y = -1 to 1, 2 m high, on a floor.
 Scene wall_on_a_floor() {
@@ -32,7 +32,7 @@ Scene wall_on_a_floor() {
 }
 
 bool has(const std::vector<std::size_t>& cells, double x, double y) {
-  return std::ranges::binary_search(cells, kGrid.index(kGrid.cell_at({x, y})));
+  return std::ranges::binary_search(cells, kSightGrid.index(kSightGrid.cell_at({x, y})));
 }
 
 LineOfSightOptions to(double range) {
@@ -42,7 +42,7 @@ LineOfSightOptions to(double range) {
 }
 
 TEST(LineOfSight, FreeBeforeOccupiedAtUnknownBehind) {
-  const LineOfSight eye(wall_on_a_floor(), kGrid, to(2.5));
+  const LineOfSight eye(wall_on_a_floor(), kSightGrid, to(2.5));
   const LineOfSightScan scan = eye.scan(at({0.03, 0.02, 1.2}));
   EXPECT_TRUE(has(scan.free, 0.03, 0.02));
   EXPECT_TRUE(has(scan.free, 0.95, 0.0));
@@ -59,7 +59,7 @@ TEST(LineOfSight, FreeBeforeOccupiedAtUnknownBehind) {
 
 /// Three columns and two rows off, and the same turned by a right angle.
 TEST(LineOfSight, WhatIsSeenIsDisplacedWithTheBelief) {
-  const LineOfSight eye(wall_on_a_floor(), kGrid, to(2.0));
+  const LineOfSight eye(wall_on_a_floor(), kSightGrid, to(2.0));
   const Transform T = at({0.03, 0.02, 1.2});
   const LineOfSightScan there = eye.scan(T), moved = eye.scan(T, {}, at({0.33, -0.18, 1.2}));
   ASSERT_EQ(moved.surface_hits.size(), there.surface_hits.size());
@@ -78,11 +78,11 @@ TEST(LineOfSight, NoCellInRangeIsSkippedAndNoneIsListedTwice) {
   Scene empty = wall_on_a_floor();
   empty.surfaces.resize(1);
   empty.surfaces[0].T_world_surface.translation().x() = 100;
-  const LineOfSight eye(empty, kGrid, to(2.5));
+  const LineOfSight eye(empty, kSightGrid, to(2.5));
   const Vector2d from(0.013, -0.271);
   const LineOfSightScan scan = eye.scan(at({from.x(), from.y(), 1}));
-  for (std::size_t i = 0; i < kGrid.cells(); ++i) {
-    if ((kGrid.center(kGrid.cell(i)) - from).norm() > 2.5 - 0.071) continue;
+  for (std::size_t i = 0; i < kSightGrid.cells(); ++i) {
+    if ((kSightGrid.center(kSightGrid.cell(i)) - from).norm() > 2.5 - 0.071) continue;
     const bool listed = std::ranges::binary_search(scan.free, i);
     ASSERT_TRUE(listed) << i;
   }
@@ -92,7 +92,7 @@ TEST(LineOfSight, NoCellInRangeIsSkippedAndNoneIsListedTwice) {
 
 TEST(LineOfSight, SeesObjectsAndLowObstacles) {
   LineOfSightOptions options = to(2.5);
-  const LineOfSight eye(wall_on_a_floor(), kGrid, options);
+  const LineOfSight eye(wall_on_a_floor(), kSightGrid, options);
   Placement there;
   there.position = Vector3d(-1.25, 0.05, 0);
   const LineOfSightScan scan = eye.scan(at({0.03, 0.02, 1.2}), {there});
@@ -101,14 +101,14 @@ TEST(LineOfSight, SeesObjectsAndLowObstacles) {
   EXPECT_FALSE(has(scan.free, -2.0, 0.05));
   // Rays above the object alone look over it.
   options.lowest = 1.1;
-  const LineOfSight high(wall_on_a_floor(), kGrid, options);
+  const LineOfSight high(wall_on_a_floor(), kSightGrid, options);
   EXPECT_TRUE(has(high.scan(at({0.03, 0.02, 1.2}), {there}).free, -2.0, 0.05));
 }
 
 TEST(LineOfSight, KeepsToItsField) {
   LineOfSightOptions options = to(2.5);
   options.field_of_view = M_PI / 2;
-  const LineOfSight eye(wall_on_a_floor(), kGrid, options);
+  const LineOfSight eye(wall_on_a_floor(), kSightGrid, options);
   Transform left = Transform::Identity();
   left.linear() = Eigen::AngleAxisd(M_PI / 2, Vector3d::UnitZ()).toRotationMatrix();
   const LineOfSightScan scan = eye.scan(left);
@@ -119,13 +119,13 @@ TEST(LineOfSight, KeepsToItsField) {
 }
 
 TEST(LineOfSight, Extremes) {
-  const LineOfSight eye(wall_on_a_floor(), kGrid, to(2.5));
+  const LineOfSight eye(wall_on_a_floor(), kSightGrid, to(2.5));
   EXPECT_TRUE(eye.scan(at({1e300, 0, 1})).free.empty());
   EXPECT_TRUE(eye.scan(at({20, 0, 1})).free.empty());
   EXPECT_FALSE(eye.scan(at({-4, 0, 1})).free.empty());  // beside the grid, in range
   EXPECT_THROW(eye.scan(at({std::numeric_limits<double>::quiet_NaN(), 0, 1})), Error);
   EXPECT_THROW(eye.scan(at({0, 0, 1}), std::vector<Placement>(2)), Error);
-  EXPECT_THROW(LineOfSight(wall_on_a_floor(), kGrid, to(0)), Error);
+  EXPECT_THROW(LineOfSight(wall_on_a_floor(), kSightGrid, to(0)), Error);
   LineOfSightOptions options;
   options.layers = 0;
   EXPECT_THROW(options.validate(), Error);

@@ -16,10 +16,10 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
 
-const GridGeometry kGrid{.columns = 40, .rows = 40, .cell_size = 0.1, .origin = {0, 0}};
+const GridGeometry kOccupancyGrid{.columns = 40, .rows = 40, .cell_size = 0.1, .origin = {0, 0}};
 
 /// A disc of 0.6 m that stands anywhere in the middle 2 m by 2 m.
-Scene scene_of() {
+Scene scene_of_grid() {
   Scene scene;
   scene.hidden.shape = CylinderShape{0.3, 1.5};
   scene.hidden.anchor = Anchor::base;
@@ -27,7 +27,7 @@ Scene scene_of() {
   return scene;
 }
 
-PoseMixture at(double x, double y, double sigma, double presence) {
+PoseMixture pose_around(double x, double y, double sigma, double presence) {
   PoseMode mode;
   mode.weight = 1;
   mode.pose = Vector2d(x, y);
@@ -38,15 +38,15 @@ PoseMixture at(double x, double y, double sigma, double presence) {
   return mixture;
 }
 
-Cell cell_at(double x, double y) { return kGrid.cell_at({x, y}); }
-std::size_t index_at(double x, double y) { return kGrid.index(cell_at(x, y)); }
+Cell cell_at(double x, double y) { return kOccupancyGrid.cell_at({x, y}); }
+std::size_t index_at(double x, double y) { return kOccupancyGrid.index(cell_at(x, y)); }
 
 /// Whether the disc at a place covers the centre of a cell whose centre has a lower x than `line`.
 bool covers_seen_center(const Vector2d& place, double line) {
-  const Cell middle = kGrid.cell_at(place);
+  const Cell middle = kOccupancyGrid.cell_at(place);
   for (int row = middle.row - 3; row <= middle.row + 3; ++row) {
     for (int column = middle.column - 3; column <= middle.column + 3; ++column) {
-      const Vector2d center = kGrid.center({column, row});
+      const Vector2d center = kOccupancyGrid.center({column, row});
       if (center.x() < line && (center - place).norm() < 0.3) return true;
     }
   }
@@ -54,11 +54,11 @@ bool covers_seen_center(const Vector2d& place, double line) {
 }
 
 OccupancyGrid new_grid(const OccupancyOptions& options = {}) {
-  return {kGrid, scene_of(), Motion{}, options};
+  return {kOccupancyGrid, scene_of_grid(), Motion{}, options};
 }
 
 TEST(OccupancyGrid, NothingIsKnownAtFirst) {
-  const OccupancyGrid grid(kGrid);
+  const OccupancyGrid grid(kOccupancyGrid);
   EXPECT_FALSE(grid.known({0, 0}));
   EXPECT_NEAR(grid.probability({0, 0}), 0.5, 0.002);
   EXPECT_FALSE(grid.known({-1, 0}));
@@ -69,7 +69,7 @@ TEST(OccupancyGrid, NothingIsKnownAtFirst) {
 TEST(OccupancyGrid, LineOfSightAddsUpAsBayesSays) {
   OccupancyOptions options;
   options.moving_prior = 0;
-  OccupancyGrid grid(kGrid, options);
+  OccupancyGrid grid(kOccupancyGrid, options);
   LineOfSightScan scan;
   scan.free = {0};
   scan.surface_hits = {1};
@@ -90,7 +90,7 @@ TEST(OccupancyGrid, OneHitAndOnePassWithEqualWeightsAreKnownAndUndecided) {
   options.hit_if_occupied = 0.7;
   options.hit_if_free = 0.3;
   options.moving_prior = 0;
-  OccupancyGrid grid(kGrid, options);
+  OccupancyGrid grid(kOccupancyGrid, options);
   LineOfSightScan hit, pass;
   hit.surface_hits = {5};
   pass.free = {5};
@@ -103,7 +103,7 @@ TEST(OccupancyGrid, OneHitAndOnePassWithEqualWeightsAreKnownAndUndecided) {
 TEST(OccupancyGrid, AnAnswerReplacesItsPredecessor) {
   OccupancyGrid once = new_grid();
   OccupancyGrid often = new_grid();
-  const HiddenAnswer answer{at(2, 2, 0.1, 0.7), 0, {}};
+  const HiddenAnswer answer{pose_around(2, 2, 0.1, 0.7), 0, {}};
   once.update(0, nullptr, &answer);
   for (int i = 0; i < 10; ++i) often.update(0.1, nullptr, &answer);
   EXPECT_EQ(once.probabilities(), often.probabilities());
@@ -116,7 +116,7 @@ TEST(OccupancyGrid, AnAnswerReplacesItsPredecessor) {
 TEST(OccupancyGrid, AnEmptyRegionBecomesLikelyFree) {
   OccupancyGrid grid = new_grid();
   const double before = grid.probability(cell_at(2, 2));
-  const HiddenAnswer nothing{at(2, 2, 0.5, 0.01), 0, {}};
+  const HiddenAnswer nothing{pose_around(2, 2, 0.5, 0.01), 0, {}};
   grid.update(0.1, nullptr, &nothing);
   EXPECT_GT(before, 0.5);
   EXPECT_LT(grid.probability(cell_at(2, 2)), 0.025);
@@ -125,9 +125,9 @@ TEST(OccupancyGrid, AnEmptyRegionBecomesLikelyFree) {
 
 TEST(OccupancyGrid, SeeingThePlaceBeatsTheAnswer) {
   OccupancyGrid grid = new_grid();
-  const HiddenAnswer answer{at(2, 2, 0.1, 0.9), 0, {}};
+  const HiddenAnswer answer{pose_around(2, 2, 0.1, 0.9), 0, {}};
   LineOfSightScan scan;
-  for (std::size_t i = 0; i < kGrid.cells(); ++i) scan.free.push_back(i);
+  for (std::size_t i = 0; i < kOccupancyGrid.cells(); ++i) scan.free.push_back(i);
   for (int i = 0; i < 3; ++i) grid.update(0.1, &scan, &answer);
   // Odds of 9 times the likelihood of three passes, of which two have faded for 0.1 s and 0.2 s:
   // (0.1 / 0.999)^2.72 = 0.0019.
@@ -142,12 +142,12 @@ TEST(OccupancyGrid, SeeingThePlaceBeatsTheAnswer) {
 // A post of 1 cm stands in the middle of a cell or nowhere. One ray that passes is one factor of
 // the likelihood of passing, 0.1 / 0.999, however the grid divides it among its parts.
 TEST(OccupancyGrid, OnePassCountsOnce) {
-  Scene post = scene_of();
+  Scene post = scene_of_grid();
   post.hidden.shape = CylinderShape{0.1, 1.5};
   OccupancyOptions options;
   options.unmodelled_probability = options.moving_prior = 0;
-  OccupancyGrid grid(kGrid, post, Motion{}, options);
-  const HiddenAnswer answer{at(2.05, 2.05, 0, 0.5), 0, {}};
+  OccupancyGrid grid(kOccupancyGrid, post, Motion{}, options);
+  const HiddenAnswer answer{pose_around(2.05, 2.05, 0, 0.5), 0, {}};
   LineOfSightScan scan;
   scan.free = {index_at(2.05, 2.05)};
   grid.update(0, &scan, &answer);
@@ -161,7 +161,7 @@ TEST(OccupancyGrid, OnePassCountsOnce) {
 // The disc's left edge alone was seen empty.
 TEST(OccupancyGrid, AnObjectIsNotWhereItsEdgeWasSeenEmpty) {
   OccupancyGrid grid = new_grid();
-  const HiddenAnswer answer{at(2.05, 2.05, 0.01, 0.5), 0, {}};
+  const HiddenAnswer answer{pose_around(2.05, 2.05, 0.01, 0.5), 0, {}};
   LineOfSightScan scan;
   scan.free = {index_at(1.85, 2.05)};
   grid.update(0, &scan, &answer);
@@ -171,7 +171,7 @@ TEST(OccupancyGrid, AnObjectIsNotWhereItsEdgeWasSeenEmpty) {
 
 TEST(OccupancyGrid, ObjectHitsRaiseACellAtOnce) {
   OccupancyGrid grid = new_grid();
-  const HiddenAnswer answer{at(2, 2, 0.1, 0.05), 0, {}};
+  const HiddenAnswer answer{pose_around(2, 2, 0.1, 0.05), 0, {}};
   LineOfSightScan scan;
   scan.object_hits = {index_at(2, 2)};
   grid.update(0, &scan, &answer);
@@ -182,9 +182,9 @@ TEST(OccupancyGrid, ACertainAnswerStaysANumber) {
   OccupancyOptions options;
   options.unmodelled_probability = 0;
   OccupancyGrid grid = new_grid(options);
-  const HiddenAnswer answer{at(2.05, 2.05, 0, 1), 0, {}};
+  const HiddenAnswer answer{pose_around(2.05, 2.05, 0, 1), 0, {}};
   LineOfSightScan scan;
-  for (std::size_t i = 0; i < kGrid.cells(); ++i) scan.free.push_back(i);
+  for (std::size_t i = 0; i < kOccupancyGrid.cells(); ++i) scan.free.push_back(i);
   for (int i = 0; i < 3; ++i) {
     grid.update(0, i > 0 ? &scan : nullptr, &answer);
     for (const double p : grid.probabilities()) ASSERT_TRUE(p >= 0 && p <= 1) << p;
@@ -194,7 +194,7 @@ TEST(OccupancyGrid, ACertainAnswerStaysANumber) {
 }
 
 TEST(OccupancyGrid, MovingThingsAreForgottenWallsAreNot) {
-  OccupancyGrid grid(kGrid);
+  OccupancyGrid grid(kOccupancyGrid);
   LineOfSightScan scan;
   scan.surface_hits = {0};
   scan.free = {1, 2};
@@ -211,7 +211,7 @@ TEST(OccupancyGrid, MovingThingsAreForgottenWallsAreNot) {
 TEST(OccupancyGrid, WithoutAnswersTheObjectSpreadsAndReturnsToThePrior) {
   OccupancyGrid grid = new_grid();
   const std::vector<double> prior = grid.hidden();
-  const HiddenAnswer answer{at(2, 2, 0.05, 0.95), 0, {}};
+  const HiddenAnswer answer{pose_around(2, 2, 0.05, 0.95), 0, {}};
   grid.update(0, nullptr, &answer);
   const double middle = grid.hidden()[index_at(2, 2)];
   const double side = grid.hidden()[index_at(2.6, 2)];
@@ -226,29 +226,29 @@ TEST(HiddenMotion, PredictsAsTheTrackerDoes) {
   Motion motion;
   motion.acceleration_density = 3;
   motion.initial_speed = 2;
-  const HiddenMotion hidden(scene_of(), motion, 1e12);
-  const PoseMixture later = hidden.predicted(at(2, 2, 0.1, 0.5), 0.5);
+  const HiddenMotion hidden(scene_of_grid(), motion, 1e12);
+  const PoseMixture later = hidden.predicted(pose_around(2, 2, 0.1, 0.5), 0.5);
   EXPECT_NEAR(later.modes[0].covariance(0, 0), 0.01 + 4 * 0.25 + 3 * 0.125 / 3, 1e-12);
   EXPECT_EQ(later.modes[0].covariance(0, 1), 0);
   PoseVelocity velocity = hidden.any_velocity();
   velocity.mean = Vector2d(1, -2);
   velocity.covariance << 0.04, 0.01, 0.01, 0.09;
   velocity.with_pose << 0.01, 0.002, 0.003, 0.015;
-  const PoseMixture known = hidden.predicted(at(2, 2, 0.1, 0.5), 0.5, {velocity});
+  const PoseMixture known = hidden.predicted(pose_around(2, 2, 0.1, 0.5), 0.5, {velocity});
   EXPECT_NEAR((known.modes[0].pose - Vector2d(2.5, 1)).norm(), 0, 1e-12);
   // P + t (W + W') + t^2 V + q t^3 / 3
   EXPECT_NEAR(known.modes[0].covariance(0, 0), 0.01 + 0.01 + 0.25 * 0.04 + 0.125, 1e-12);
   EXPECT_NEAR(known.modes[0].covariance(1, 1), 0.01 + 0.015 + 0.25 * 0.09 + 0.125, 1e-12);
   EXPECT_NEAR(known.modes[0].covariance(0, 1), 0.5 * 0.005 + 0.25 * 0.01, 1e-12);
 
-  const HiddenMotion leaving(scene_of(), motion, 2.0);
-  const PoseMixture half = leaving.predicted(at(2, 2, 0.1, 0.9), 2 * std::log(2));
+  const HiddenMotion leaving(scene_of_grid(), motion, 2.0);
+  const PoseMixture half = leaving.predicted(pose_around(2, 2, 0.1, 0.9), 2 * std::log(2));
   EXPECT_NEAR(half.presence_probability, 0.5 * 0.9 + 0.5 * 0.5, 1e-12);
   EXPECT_NEAR(half.modes[0].weight, 0.45 / 0.7, 1e-12);
-  EXPECT_THROW(hidden.predicted(at(2, 2, 0.1, 0.5), -1), Error);
-  EXPECT_THROW(hidden.predicted(at(2, 2, 0.1, 0.5), 1, {velocity, velocity}), Error);
+  EXPECT_THROW(hidden.predicted(pose_around(2, 2, 0.1, 0.5), -1), Error);
+  EXPECT_THROW(hidden.predicted(pose_around(2, 2, 0.1, 0.5), 1, {velocity, velocity}), Error);
   velocity.with_pose.resize(0, 0);
-  EXPECT_THROW(hidden.predicted(at(2, 2, 0.1, 0.5), 1, {velocity}), Error);
+  EXPECT_THROW(hidden.predicted(pose_around(2, 2, 0.1, 0.5), 1, {velocity}), Error);
   PoseMixture empty;
   empty.modes = {PoseMode{}};
   EXPECT_THROW(hidden.predicted(empty, 1), Error);
@@ -256,7 +256,7 @@ TEST(HiddenMotion, PredictsAsTheTrackerDoes) {
 
 TEST(OccupancyGrid, RefusesNonsenseAndStaysAsItWas) {
   OccupancyGrid grid = new_grid();
-  const HiddenAnswer good{at(2, 2, 0.2, 0.7), 0, {}};
+  const HiddenAnswer good{pose_around(2, 2, 0.2, 0.7), 0, {}};
   grid.update(0.1, nullptr, &good);
   const std::vector<double> before = grid.probabilities();
   HiddenAnswer bad = good;
@@ -274,22 +274,22 @@ TEST(OccupancyGrid, RefusesNonsenseAndStaysAsItWas) {
   bad = good;
   bad.velocities.resize(1);  // without values
   EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
-  bad.velocities[0] = HiddenMotion(scene_of(), Motion{}, 60).any_velocity();
+  bad.velocities[0] = HiddenMotion(scene_of_grid(), Motion{}, 60).any_velocity();
   bad.velocities[0].mean[0] = std::nan("");
   EXPECT_THROW(grid.update(0.1, nullptr, &bad), Error);
   EXPECT_THROW(grid.update(-1, nullptr, &good), Error);
   EXPECT_THROW(grid.update(std::nan(""), nullptr, &good), Error);
   EXPECT_EQ(grid.probabilities(), before);
-  EXPECT_THROW(OccupancyGrid(kGrid).update(0.1, nullptr, &good), Error);
+  EXPECT_THROW(OccupancyGrid(kOccupancyGrid).update(0.1, nullptr, &good), Error);
   OccupancyOptions options;
   options.hit_if_occupied = 0.0005;
-  EXPECT_THROW(OccupancyGrid(kGrid, options), Error);
+  EXPECT_THROW(OccupancyGrid(kOccupancyGrid, options), Error);
   options = {};
   options.unseen_prior = 1;
-  EXPECT_THROW(OccupancyGrid(kGrid, options), Error);
+  EXPECT_THROW(OccupancyGrid(kOccupancyGrid, options), Error);
   options = {};
   options.dwell_time = 0;
-  EXPECT_THROW(OccupancyGrid(kGrid, options), Error);
+  EXPECT_THROW(OccupancyGrid(kOccupancyGrid, options), Error);
 }
 
 // The truth is drawn from the mixture that the grid is told and from what line of sight has shown:
@@ -315,13 +315,14 @@ TEST(OccupancyGrid, CellsAreOccupiedAsOftenAsTheySay) {
         // Well inside the region, whose border would cut the normal distribution.
         const double sigma = 0.02 + 0.15 * uniform(random);
         answer.mixture.modes.push_back(
-            at(1.7 + 0.6 * uniform(random), 1.7 + 0.6 * uniform(random), sigma, 1).modes[0]);
+            pose_around(1.7 + 0.6 * uniform(random), 1.7 + 0.6 * uniform(random), sigma, 1)
+                .modes[0]);
         answer.mixture.modes.back().weight = weight;
       }
       const double line = 1.4 + 1.2 * uniform(random);
       LineOfSightScan scan;
-      for (std::size_t i = 0; i < kGrid.cells(); ++i) {
-        if (kGrid.center(kGrid.cell(i)).x() < line) scan.free.push_back(i);
+      for (std::size_t i = 0; i < kOccupancyGrid.cells(); ++i) {
+        if (kOccupancyGrid.center(kOccupancyGrid.cell(i)).x() < line) scan.free.push_back(i);
       }
       OccupancyGrid grid = fresh;
       grid.update(0, nullptr, &answer);
@@ -340,9 +341,10 @@ TEST(OccupancyGrid, CellsAreOccupiedAsOftenAsTheySay) {
       // A cell near the first mode, most of which lie on the object's edge.
       const Vector2d place = answer.mixture.modes[0].pose +
                              0.5 * Vector2d(2 * uniform(random) - 1, 2 * uniform(random) - 1);
-      const Vector2d off = (kGrid.center(kGrid.cell_at(place)) - truth).cwiseAbs();
-      const Vector2d beyond = (off.array() - kGrid.cell_size / 2).cwiseMax(0.0);
-      diagram.add(grid.probability(kGrid.cell_at(place)), present && beyond.norm() < 0.3);
+      const Vector2d off =
+          (kOccupancyGrid.center(kOccupancyGrid.cell_at(place)) - truth).cwiseAbs();
+      const Vector2d beyond = (off.array() - kOccupancyGrid.cell_size / 2).cwiseMax(0.0);
+      diagram.add(grid.probability(kOccupancyGrid.cell_at(place)), present && beyond.norm() < 0.3);
     }
     for (const ReliabilityBin& bin : diagram.bins()) {
       if (bin.statements < 50) continue;

@@ -19,10 +19,10 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
 
-const GridGeometry kGrid{.columns = 60, .rows = 50, .cell_size = 0.1, .origin = {-1.0, 2.0}};
+const GridGeometry kSpreadGrid{.columns = 60, .rows = 50, .cell_size = 0.1, .origin = {-1.0, 2.0}};
 
 /// A box of 1 m by 0.4 m that may stand anywhere in a region of 4 m by 3 m.
-Scene scene_of(double yaw_range = 2 * M_PI) {
+Scene scene_of_spread(double yaw_range = 2 * M_PI) {
   Scene scene;
   scene.hidden.shape = BoxShape{{1.0, 0.4, 1.5}};
   scene.hidden.anchor = Anchor::base;
@@ -121,22 +121,24 @@ TEST(PoseSpread, AgreesWithMonteCarlo) {
       {"at the region's border", mode_of(3.9, 3.1, 0.4, diagonal(0.4, 0.4, 0.1))},
       {"has left the region", mode_of(4.2, 6.2, 0.4, diagonal(0.2, 0.2, 0.1)), false},
   };
-  const PoseSpread spread(scene_of(), kGrid);
+  const PoseSpread spread(scene_of_spread(), kSpreadGrid);
   for (const Case& c : cases) {
     const std::vector<double> got = spread.occupied(mixture_of({c.mode}));
     // 20000 draws: 5 standard errors are 0.018; the washed-out border is what remains.
-    const double off = worst(got, sampled(kGrid, c.mode, c.truncated));
+    const double off = worst(got, sampled(kSpreadGrid, c.mode, c.truncated));
     RecordProperty(c.name, std::to_string(off));
     EXPECT_LT(off, 0.03) << c.name;
   }
 }
 
 TEST(PoseSpread, ACertainPoseFillsItsFootprint) {
-  const PoseSpread spread(scene_of(), kGrid);
+  const PoseSpread spread(scene_of_spread(), kSpreadGrid);
   const std::vector<double> cells =
       spread.occupied(mixture_of({mode_of(2.05, 4.05, 0, MatrixXd::Zero(3, 3))}));
   // Nothing finer than a quarter of a cell is resolved: half a cell off the edge is two of them.
-  const auto at = [&](double x, double y) { return cells[kGrid.index(kGrid.cell_at({x, y}))]; };
+  const auto at = [&](double x, double y) {
+    return cells[kSpreadGrid.index(kSpreadGrid.cell_at({x, y}))];
+  };
   EXPECT_NEAR(at(2.05, 4.05), 1, 1e-3);
   EXPECT_NEAR(at(2.45, 4.15), 1, 1e-3);
   EXPECT_NEAR(at(2.75, 4.05), 0, 1e-3);
@@ -144,7 +146,7 @@ TEST(PoseSpread, ACertainPoseFillsItsFootprint) {
 }
 
 TEST(PoseSpread, PresenceAndWeightsScaleIt) {
-  const PoseSpread spread(scene_of(), kGrid);
+  const PoseSpread spread(scene_of_spread(), kSpreadGrid);
   const PoseMode left = mode_of(1, 4, 0, diagonal(0.1, 0.1, 0.1), 0.7);
   const PoseMode right = mode_of(3, 5, 1, diagonal(0.2, 0.1, 0.3), 0.3);
   PoseMode only_left = left, only_right = right;
@@ -160,13 +162,14 @@ TEST(PoseSpread, PresenceAndWeightsScaleIt) {
 }
 
 TEST(PoseSpread, MissingWeightIsThePriorOverTheSearchRegion) {
-  const PoseSpread spread(scene_of(), kGrid);
+  const PoseSpread spread(scene_of_spread(), kSpreadGrid);
   const std::vector<double> prior = spread.occupied(mixture_of({}, 0.5));
   // Well inside the region each cell is covered by the mean area of box and cell together:
   // A + a + perimeter * side / pi * ... (Santalo): A1 + A2 + L1 L2 / (2 pi).
   const double area = 1.0 * 0.4 + 0.1 * 0.1 + 2.8 * 0.4 / (2 * M_PI);
-  EXPECT_NEAR(prior[kGrid.index(kGrid.cell_at({2, 4.5}))], 0.5 * area / 12, 0.03 * 0.5 * area / 12);
-  EXPECT_EQ(prior[kGrid.index(kGrid.cell_at({-0.9, 2.05}))], 0);
+  EXPECT_NEAR(prior[kSpreadGrid.index(kSpreadGrid.cell_at({2, 4.5}))], 0.5 * area / 12,
+              0.03 * 0.5 * area / 12);
+  EXPECT_EQ(prior[kSpreadGrid.index(kSpreadGrid.cell_at({-0.9, 2.05}))], 0);
 
   PoseMode open = mode_of(2, 4.5, M_PI, diagonal(4 / std::sqrt(12), 3 / std::sqrt(12), 1.81));
   open.undetermined = {0, 1, 2};
@@ -174,22 +177,22 @@ TEST(PoseSpread, MissingWeightIsThePriorOverTheSearchRegion) {
 }
 
 TEST(PoseSpread, WhatWasSeenEmptyIsTakenOut) {
-  const PoseSpread spread(scene_of(), kGrid);
+  const PoseSpread spread(scene_of_spread(), kSpreadGrid);
   const PoseMixture mixture = mixture_of({mode_of(1, 4, 0, diagonal(0.05, 0.05, 0.05), 0.5),
                                           mode_of(3, 5, 0, diagonal(0.05, 0.05, 0.05), 0.5)},
                                          0.8);
-  std::vector<double> not_seen(kGrid.cells(), 1.0);
+  std::vector<double> not_seen(kSpreadGrid.cells(), 1.0);
   for (std::size_t i = 0; i < not_seen.size(); ++i) {
-    if (kGrid.center(kGrid.cell(i)).x() < 2) not_seen[i] = 0;
+    if (kSpreadGrid.center(kSpreadGrid.cell(i)).x() < 2) not_seen[i] = 0;
   }
   const std::vector<double> cells = spread.occupied(mixture, not_seen);
   // Bayes: 0.8 * 0.5 of being on the right, unseen, against 0.2 of being nowhere.
-  EXPECT_NEAR(cells[kGrid.index(kGrid.cell_at({3, 5}))], 0.4 / 0.6, 0.01);
-  EXPECT_EQ(cells[kGrid.index(kGrid.cell_at({1, 4}))], 0);
+  EXPECT_NEAR(cells[kSpreadGrid.index(kSpreadGrid.cell_at({3, 5}))], 0.4 / 0.6, 0.01);
+  EXPECT_EQ(cells[kSpreadGrid.index(kSpreadGrid.cell_at({1, 4}))], 0);
 }
 
 TEST(PoseSpread, IsContinuousInThePose) {
-  const PoseSpread spread(scene_of(), kGrid);
+  const PoseSpread spread(scene_of_spread(), kSpreadGrid);
   const auto at = [&](double x) {
     return spread.occupied(mixture_of({mode_of(x, 4.4, 0.4, diagonal(0.05, 0.05, 0.1))}));
   };
@@ -203,7 +206,7 @@ TEST(PoseSpread, IsContinuousInThePose) {
 }
 
 TEST(PoseSpread, SeveralObjectsAndModesWithoutOne) {
-  Scene scene = scene_of();
+  Scene scene = scene_of_spread();
   scene.further_hidden = {scene.hidden};
   for (const Component component : {Component::x, Component::y, Component::yaw}) {
     Unknown unknown = scene.unknowns[static_cast<std::size_t>(component == Component::x   ? 0
@@ -217,8 +220,8 @@ TEST(PoseSpread, SeveralObjectsAndModesWithoutOne) {
   mode.pose.resize(6);
   mode.pose << 1, 4, 0, 1.3, 4.1, 0;
   mode.covariance = 0.04 * MatrixXd::Identity(6, 6);
-  const PoseSpread both(scene, kGrid);
-  const PoseSpread one(scene_of(), kGrid);
+  const PoseSpread both(scene, kSpreadGrid);
+  const PoseSpread one(scene_of_spread(), kSpreadGrid);
   const MatrixXd c = 0.04 * MatrixXd::Identity(3, 3);
   const auto first = one.occupied(mixture_of({mode_of(1, 4, 0, c)}));
   const auto second = one.occupied(mixture_of({mode_of(1.3, 4.1, 0, c)}));
@@ -234,7 +237,7 @@ TEST(PoseSpread, SeveralObjectsAndModesWithoutOne) {
 }
 
 TEST(PoseSpread, Extremes) {
-  const PoseSpread spread(scene_of(), kGrid);
+  const PoseSpread spread(scene_of_spread(), kSpreadGrid);
   const auto largest = [&](const PoseMode& mode) {
     const auto cells = spread.occupied(mixture_of({mode}));
     for (const double p : cells) {
@@ -262,19 +265,19 @@ TEST(PoseSpread, Extremes) {
 }
 
 TEST(PoseSpread, ATouchedThinRectangleOccupiesCells) {
-  Scene scene = scene_of();
+  Scene scene = scene_of_spread();
   scene.hidden.shape = RectangleShape{0.8, 0.8};
-  const PoseSpread spread(scene, kGrid);
+  const PoseSpread spread(scene, kSpreadGrid);
   const auto cells =
       spread.occupied(mixture_of({mode_of(2.05, 4.05, 0, diagonal(0.01, 0.01, 0.01))}));
-  EXPECT_GT(cells[kGrid.index(kGrid.cell_at({2.05, 4.35}))], 0.9);
-  EXPECT_LT(cells[kGrid.index(kGrid.cell_at({2.25, 4.05}))], 0.01);
+  EXPECT_GT(cells[kSpreadGrid.index(kSpreadGrid.cell_at({2.05, 4.35}))], 0.9);
+  EXPECT_LT(cells[kSpreadGrid.index(kSpreadGrid.cell_at({2.25, 4.05}))], 0.01);
 }
 
 // Processor time: that of other programs is not counted.
 TEST(PoseSpread, TakesMillisecondsOnALargeGrid) {
   const GridGeometry large{.columns = 500, .rows = 500, .cell_size = 0.1, .origin = {-25, -20}};
-  const PoseSpread spread(scene_of(), large);
+  const PoseSpread spread(scene_of_spread(), large);
   std::vector<double> not_seen(large.cells(), 0.5);
   for (const double sigma : {0.03, 0.1, 0.3, 1.0, 3.0}) {
     const PoseMixture mixture =

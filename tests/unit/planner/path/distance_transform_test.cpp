@@ -13,7 +13,7 @@
 namespace blindcorner {
 namespace {
 
-constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr double kNoCell = std::numeric_limits<double>::infinity();
 
 TEST(DistanceTransform, SquaresAreAsFarAsTheirNearestPoint) {
   std::mt19937_64 random(1);
@@ -24,7 +24,7 @@ TEST(DistanceTransform, SquaresAreAsFarAsTheirNearestPoint) {
     for (auto& o : obstacle) o = occupied(random) ? 1 : 0;
     const std::vector<double> found = squared_distances(grid, obstacle);
     for (std::size_t i = 0; i < grid.cells(); ++i) {
-      double least = kNever;
+      double least = kNoCell;
       for (std::size_t k = 0; k < grid.cells(); ++k) {
         if (obstacle[k] == 0) continue;
         const Cell a = grid.cell(i), b = grid.cell(k);
@@ -42,10 +42,10 @@ TEST(DistanceTransform, ParabolasLowerAFunctionToTheirEnvelope) {
   const GridGeometry grid{.columns = 14, .rows = 19};
   std::uniform_real_distribution<double> height(-50, 50);
   std::vector<double> f(grid.cells());
-  for (std::size_t i = 0; i < f.size(); ++i) f[i] = i % 3 == 0 ? kNever : height(random);
+  for (std::size_t i = 0; i < f.size(); ++i) f[i] = i % 3 == 0 ? kNoCell : height(random);
   const std::vector<double> found = lowered_by_parabolas(grid, f);
   for (std::size_t i = 0; i < f.size(); ++i) {
-    double least = kNever;
+    double least = kNoCell;
     for (std::size_t k = 0; k < f.size(); ++k) {
       const Cell a = grid.cell(i), b = grid.cell(k);
       least = std::min(least, f[k] + std::pow(a.column - b.column, 2) + std::pow(a.row - b.row, 2));
@@ -57,7 +57,7 @@ TEST(DistanceTransform, ParabolasLowerAFunctionToTheirEnvelope) {
 TEST(DistanceTransform, WithoutObstaclesDistancesAreInfinite) {
   const GridGeometry grid{.columns = 3, .rows = 2};
   for (const double d : squared_distances(grid, std::vector<std::uint8_t>(6, 0))) {
-    EXPECT_EQ(d, kNever);
+    EXPECT_EQ(d, kNoCell);
   }
 }
 

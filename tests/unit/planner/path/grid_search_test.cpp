@@ -13,12 +13,12 @@
 namespace blindcorner {
 namespace {
 
-constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr double kNoPath = std::numeric_limits<double>::infinity();
 
 /// Costs from one cell to all by Dijkstra's algorithm, from the rules alone.
 std::vector<double> brute_force_costs(const PlanningGrid& grid, const Cell& start) {
   const GridGeometry& geometry = grid.geometry();
-  std::vector<double> costs(geometry.cells(), kNever);
+  std::vector<double> costs(geometry.cells(), kNoPath);
   using Entry = std::pair<double, std::size_t>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
   costs[geometry.index(start)] = 0;

@@ -14,11 +14,11 @@
 namespace blindcorner {
 namespace {
 
-constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr double kForbidden = std::numeric_limits<double>::infinity();
 
 /// From a point to the nearest obstacle's square.
 double brute_force_distance(const TestMap& map, const Eigen::Vector2d& point) {
-  double least = kNever;
+  double least = kForbidden;
   for (std::size_t i = 0; i < map.geometry.cells(); ++i) {
     if (!(map.occupancy[i] >= 0.65)) continue;
     const Eigen::Vector2d half = Eigen::Vector2d::Constant(0.5 * map.geometry.cell_size);
@@ -65,7 +65,7 @@ TEST(PlanningGrid, DiscsCoverARectangleAndLittleMore) {
   EXPECT_DOUBLE_EQ(car.inscribed_radius(), 0.9);
   EXPECT_GE(car.circumscribed_radius(), std::hypot(2.25 + 1.3, 0.9));
   for (double x = -2.25; x <= 2.25; x += 0.01) {
-    double least = kNever;
+    double least = kForbidden;
     for (const double offset : car.disc_offsets()) {
       least = std::min(least, std::hypot(x + 1.3 - offset, 0.9));
     }
@@ -95,7 +95,7 @@ TEST(PlanningGrid, RiskFallsWithTheSquareOfTheDistance) {
   options.risk_weight = 4;
   options.unknown_occupancy = 0.45;
   const PlanningGrid grid(map.geometry, map.occupancy, options);
-  double least = kNever;
+  double least = kForbidden;
   for (std::size_t i = 0; i < map.geometry.cells(); ++i) {
     const Eigen::Vector2d here = map.geometry.center(map.geometry.cell(i));
     double risk = 0;
@@ -186,9 +186,9 @@ TEST(PlanningGrid, LinesCostTheIntegralOfTheFactor) {
 TEST(PlanningGrid, LinesThroughCornersNeedBothCells) {
   const TestMap map = map_of({"..", "#."});
   const PlanningGrid grid(map.geometry, map.occupancy);
-  EXPECT_EQ(grid.line_cost({0.5, 1.5}, {1.5, 0.5}), kNever);
+  EXPECT_EQ(grid.line_cost({0.5, 1.5}, {1.5, 0.5}), kForbidden);
   EXPECT_NEAR(grid.line_cost({0.7, 1.5}, {1.5, 0.7}), std::sqrt(1.28), 1e-12);
-  EXPECT_EQ(grid.line_cost({0.5, 1.5}, {3.5, 1.5}), kNever);  // off the map
+  EXPECT_EQ(grid.line_cost({0.5, 1.5}, {3.5, 1.5}), kForbidden);  // off the map
 }
 
 TEST(PlanningGrid, RefusesNonsense) {

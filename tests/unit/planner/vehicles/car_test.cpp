@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kLimit = 0.9 * kGravity;  // mu g, m/s^2
 
-Vehicle car_at(double speed) {
+Vehicle car_driving_at(double speed) {
   Vehicle car(make_car());
   car.place({.speed = speed});
   return car;
@@ -29,7 +29,7 @@ Eigen::Vector2d acceleration_of(const Vehicle& car, const VehicleCommand& comman
 
 /// Steers to the angle of a radius and lets the motion settle, speed held.
 Vehicle on_circle(double radius, double speed) {
-  Vehicle car = car_at(speed);
+  Vehicle car = car_driving_at(speed);
   for (int i = 0; i < 600; ++i) {
     car.step(DriveRequest{2 * (speed - car.state().speed), 1 / radius}, 0.01);
   }
@@ -38,7 +38,7 @@ Vehicle on_circle(double radius, double speed) {
 
 TEST(Car, BrakesWithinTheFrictionLimit) {
   for (const double speed : {3.0, 6.0, 12.0}) {
-    Vehicle car = car_at(speed);
+    Vehicle car = car_driving_at(speed);
     double hardest = 0;
     for (int i = 0; i < 1000; ++i) {
       car.step(VehicleCommand{-kLimit, 0}, 0.002);
@@ -56,7 +56,7 @@ TEST(Car, BrakesWithinTheFrictionLimit) {
 
 TEST(Car, FollowsCommandedAccelerations) {
   for (const double wanted : {-4.0, -1.0, 1.0, 3.0}) {
-    Vehicle car = car_at(6);
+    Vehicle car = car_driving_at(6);
     for (int i = 0; i < 10; ++i) car.step(VehicleCommand{wanted, 0}, 0.05);
     // Slip grows with the wheels' speed, which takes a little of what the wheels were given.
     EXPECT_NEAR(acceleration_of(car, {wanted, 0}).x(), wanted, 0.02 * std::abs(wanted));
@@ -100,7 +100,7 @@ TEST(Car, IsNeutralUpToItsLimit) {
 
 TEST(Car, CannotCornerBeyondItsFriction) {
   // sqrt(mu g r) = 11.5 m/s at 15 m. Beyond, the circle widens.
-  Vehicle car = car_at(14);
+  Vehicle car = car_driving_at(14);
   for (int i = 0; i < 200; ++i) {
     const DriveRequest request{2 * (14 - car.state().speed), 1 / 15.0};
     car.step(request, 0.01);
@@ -112,7 +112,7 @@ TEST(Car, CannotCornerBeyondItsFriction) {
 TEST(Car, EnergyNeverGrowsWithoutThrottle) {
   for (const double brake : {0.0, -3.0, -9.0}) {
     for (const double dt : {0.001, 0.01, 0.1}) {
-      Vehicle car = car_at(12);
+      Vehicle car = car_driving_at(12);
       double energy = car.model().energy(car.states());
       // The integrator's, 1e-6 in speed: a step's, and what steps may add up to.
       const double tolerance = 1e-5 * energy;
@@ -141,14 +141,14 @@ TEST(Car, SlipStiffnessIsLowerBelowTheSlipSpeed) {
 }
 
 TEST(Car, StartsFromStandstill) {
-  Vehicle car = car_at(0);
+  Vehicle car = car_driving_at(0);
   for (int i = 0; i < 20; ++i) car.step(DriveRequest{2, 0}, 0.1);
   EXPECT_NEAR(car.state().speed, 4, 0.1);
   EXPECT_NEAR(car.state().position.x(), 4, 0.1);
 }
 
 TEST(Car, SpinningWheelsAreHeldAtTheFrictionLimit) {
-  Vehicle car = car_at(0);
+  Vehicle car = car_driving_at(0);
   for (int i = 0; i < 20; ++i) car.step(VehicleCommand{11, 0}, 0.05);
   const double most = car.model().limits().acceleration;
   EXPECT_LE(car.state().speed, most * 1.001);
