@@ -23,7 +23,7 @@ Markers in a page, all invisible where Markdown is shown:
     <!-- table:runs -->...<!-- /table -->                all runs: minutes and commands
 
 A run is of this version as long as what it depends on is what it was at the run's commit; comments of
-C++ files do not count.
+C++ files and lists of what CMake compiles do not count.
 """
 import argparse
 import csv
@@ -108,13 +108,13 @@ def has_history(root):
 
 
 def pathspecs(depends):
-    """Git's names of what a run depends on: its folders, their public headers, and, unless it drives
-    (depends on the planner), nothing that only drives have."""
+    """Git's names of what a run depends on: its folders but for what CMake reads, their public headers,
+    and, unless it drives (depends on the planner), nothing that only drives have."""
     headers = [f"include/blindcorner/{path.removeprefix('src/')}" for path in depends]
+    specs = [*depends, *headers, ":(exclude,glob)**/CMakeLists.txt"]
     if "planner" in depends:
-        return [*depends, *headers]
-    return [*depends, *headers,
-            *(f":!{folder}/{name}" for folder in ("src", "include/blindcorner") for name in DRIVES)]
+        return specs
+    return [*specs, *(f":!{folder}/{name}" for folder in ("src", "include/blindcorner") for name in DRIVES)]
 
 
 COMMENT_OR_TOKEN = re.compile(

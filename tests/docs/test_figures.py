@@ -136,14 +136,15 @@ class Figures(unittest.TestCase):
         self.figures("write")
         self.assertIn(">3.0 cm<", self.page())
 
-    def test_comments_leave_it_current(self):
+    def test_comments_and_what_cmake_reads_leave_it_current(self):
         source = self.root / "source/model.cpp"
         source.write_text("// old\nconst char* a = \"/* b */ // c\";  /* of\n two */ int n = 1'000;\n")
         self.commit("a model")
         self.figures("run", "study")
         self.figures("write")
         source.write_text("/* new */ const char* a =\n  \"/* b */ // c\"; int n = 1'000;  // n\n")
-        self.commit("comments")
+        (self.root / "source/CMakeLists.txt").write_text("how the model is compiled\n")
+        self.commit("comments, and what CMake reads")
         self.figures("check")
         self.assertNotIn("study", self.figures("run", "--stale"))
         source.write_text("const char* a = \"/* b */ // d\"; int n = 1'000;\n")
