@@ -10,7 +10,8 @@ usage() {
 usage: ./bootstrap.sh fit     install what is missing, build, fit the bundled capture (out/fit/result.html)
        ./bootstrap.sh live    install what is missing, build, play a bundled recording and track it in the
                               browser until Ctrl-C, as with a sensor
-       ./bootstrap.sh test    install what is missing, build, run the tests
+       ./bootstrap.sh test    install what is missing, build, run the tests but for the slow ones
+       ./bootstrap.sh slow    the same for the slow ones: each takes eight seconds or more on two cores
        ./bootstrap.sh pages   install what is missing, also Chromium, build, open every page in it and
                               look for faults (with Playwright and axe-core from PyPI)
        ./bootstrap.sh python  install what is missing, build, test the Python package in a virtual
@@ -158,7 +159,7 @@ live() {
 
 main() {
   case "${1:-}" in
-    fit | live | test | pages | python) (($# == 1)) || { usage >&2; exit 2; } ;;
+    fit | live | test | slow | pages | python) (($# == 1)) || { usage >&2; exit 2; } ;;
     '' | -h | --help) usage; exit 0 ;;
     *) usage >&2; exit 2 ;;
   esac
@@ -185,8 +186,12 @@ main() {
     ctest --preset release -R package.python
   else
     install_optional_packages "${optional_packages[@]}"
-    build "$jobs" all -DBLINDCORNER_PYTHON_TEST=OFF
-    ctest --preset release --parallel "$jobs"
+    build "$jobs" all
+    if [[ "$1" == test ]]; then
+      ctest --preset release --parallel "$jobs" --label-exclude slow
+    else
+      ctest --preset release --parallel "$jobs" --label-regex slow --exclude-regex package.python
+    fi
   fi
 }
 
