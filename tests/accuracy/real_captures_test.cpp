@@ -17,7 +17,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/io/capture_file.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
@@ -267,7 +267,7 @@ TEST_F(RealCaptures, PersonIsTracked) {
 
 TEST_F(RealCaptures, FirstBounceGivesTheWallDistance) {
   ASSERT_NO_FATAL_FAILURE(import_letter());
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/ams_u.json");
+  const Scene scene = bundled_scene("ams_u");
   const CaptureFile file = read_captures((folder_ / "ams.exr").string());
   ASSERT_EQ(file.captures.size(), 36U);
   std::vector<double> walls;

@@ -14,6 +14,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "io/npz.h"
 
 namespace blindcorner {
@@ -73,8 +74,7 @@ class ReferenceTransients : public testing::TestWithParam<ReferenceCase> {};
 TEST_P(ReferenceTransients, AgreeWithinTheTracersNoise) {
   const std::string path = data_file(GetParam().name);
   if (!std::filesystem::exists(path)) GTEST_SKIP() << "no reference transients at " << path;
-  const Scene scene =
-      read_scene(std::string(SOURCE_DIR) + "/scenes/reference_" + GetParam().name + ".json");
+  const Scene scene = bundled_scene("reference_" + GetParam().name);
   const NpzFile file(path);
   const NpyArray mean = file.read("mean"), error = file.read("standard_error");
   const NpyArray empty = file.read("empty_mean"), empty_error = file.read("empty_standard_error");

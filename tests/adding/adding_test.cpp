@@ -18,6 +18,7 @@
 #include "blindcorner/inverse/fit.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/planner/vehicles/vehicle.h"
+#include "bundled.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {
@@ -140,7 +141,7 @@ TEST_F(Adding, SensorAndMaterialStandInASceneFile) {
 // region, and differ from matt.
 TEST_F(Adding, BothModelsKnowTheGlossyMaterial) {
   const auto fields = nlohmann::ordered_json::parse(R"({"share": 0.6, "exponent": 20})");
-  Scene scene = read_scene(SOURCE_DIR "/scenes/tmf8828_wall.json");
+  Scene scene = bundled_scene("tmf8828_wall");
   scene.hidden.material = read_glossy(JsonReader(fields, "glossy.json"));
   EXPECT_EQ(material_name(scene.hidden.material), "glossy");
   const Brdf& brdf = *std::get<BrdfMaterial>(scene.hidden.material).brdf;
@@ -166,7 +167,7 @@ TEST_F(Adding, BothModelsKnowTheGlossyMaterial) {
 // The whole fit takes the material, too. Where the scene says that the plate is matt, it errs.
 TEST_F(Adding, AFitPlacesAGlossyPlate) {
   const auto fields = nlohmann::ordered_json::parse(R"({"share": 0.6, "exponent": 20})");
-  Scene scene = read_scene(SOURCE_DIR "/scenes/tmf8828_wall.json");
+  Scene scene = bundled_scene("tmf8828_wall");
   scene.hidden.material = read_glossy(JsonReader(fields, "glossy.json"));
   const PoseVector truth = testing_scenes::stated_pose(scene);
   const Capture capture = testing_scenes::reference_capture(scene, truth, 3e5, 1);
@@ -183,7 +184,7 @@ TEST_F(Adding, AFitPlacesAGlossyPlate) {
 
 // Between two reports it says what the last one said.
 TEST_F(Adding, TheReportedPerceptionIsASecondOld) {
-  const Scene scene = read_scene(SOURCE_DIR "/scenes/tmf8828_floor.json");
+  const Scene scene = bundled_scene("tmf8828_floor");
   const auto truth = [](double time) {
     return std::optional<PoseVector>({PoseVector{{time, 2.0}}});
   };

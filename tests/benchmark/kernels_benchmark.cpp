@@ -7,7 +7,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/transport/forward_model.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "forward/relay/ray_scene.h"
 #include "forward/relay/visibility.h"
 #include "forward/sensor/pulse_table.h"
@@ -15,10 +15,6 @@
 
 namespace blindcorner {
 namespace {
-
-Scene shipped(const std::string& name) {
-  return read_scene(std::string(SOURCE_DIR) + "/scenes/" + name + ".json");
-}
 
 /// Evaluates a model at 64 poses of the search region in turn.
 void evaluate(benchmark::State& state, const Scene& scene, const ForwardModel& model) {
@@ -36,7 +32,7 @@ void evaluate(benchmark::State& state, const Scene& scene, const ForwardModel& m
 
 /// One histogram cube of the fast model; argument: tolerance in per mille.
 void fast_model(benchmark::State& state, const std::string& name, bool occluders) {
-  Scene scene = shipped(name);
+  Scene scene = bundled_scene(name);
   for (Surface& surface : scene.surfaces) surface.occluder = surface.occluder && occluders;
   const double tolerance = 1e-3 * static_cast<double>(state.range(0));
   const auto model =
@@ -79,7 +75,7 @@ BENCHMARK_CAPTURE(fast_model, street_corner_open_two_cores, "street_corner", fal
 
 /// One cube of the reference renderer, sampled as coarsely as tests ever do.
 void reference_renderer(benchmark::State& state) {
-  const Scene scene = shipped("tmf8828_wall");
+  const Scene scene = bundled_scene("tmf8828_wall");
   ReferenceOptions options;
   options.zone_divisions = 4;
   options.field_divisions = 10;
@@ -91,7 +87,7 @@ BENCHMARK(reference_renderer)->Unit(benchmark::kMillisecond);
 
 /// One blurred pulse into a row of 128 bins.
 void pulse_add(benchmark::State& state) {
-  const Scene scene = shipped("tmf8828_wall");
+  const Scene scene = bundled_scene("tmf8828_wall");
   const double sigma = scene.sensor.response.core_sigma();
   const PulseTable pulses(scene.sensor.response, scene.sensor.bin_width, 4 * sigma * sigma);
   std::vector<double> row(128);
@@ -106,7 +102,7 @@ BENCHMARK(pulse_add);
 
 /// Visible part of a patch behind a box, at a point whose shadow edge crosses it.
 void shadow_clip(benchmark::State& state) {
-  const auto faces = occluder_faces(shipped("tmf8828_wall").surfaces);
+  const auto faces = occluder_faces(bundled_scene("tmf8828_wall").surfaces);
   for (auto _ : state) {
     const ShadowView view(faces, {0.28, 0.5, 1.05});
     benchmark::DoNotOptimize(view.see({0.6, 0.05, 1}, {0, 0.05, 0}, {0, 0, 0.05}).fraction);
@@ -116,7 +112,7 @@ BENCHMARK(shadow_clip);
 
 /// One visibility ray.
 void ray_blocked(benchmark::State& state) {
-  const Scene scene = shipped("tmf8828_wall");
+  const Scene scene = bundled_scene("tmf8828_wall");
   const RayScene rays(scene.surfaces);
   double y = 0.4;
   for (auto _ : state) {

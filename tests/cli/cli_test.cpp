@@ -27,6 +27,7 @@
 #include "blindcorner/io/capture_file.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/io/sensor_presets.h"
+#include "bundled.h"
 #include "io/npz.h"
 
 namespace blindcorner {
@@ -1336,7 +1337,7 @@ TEST_F(Cli, MovingBenchmarkFitsAndTracksAtNewSensorPoses) {
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 5) << csv;
 
   // The scene's own pose first, for the first answer, and none of it among the frames.
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/denali_like.json");
+  const Scene scene = bundled_scene("denali_like");
   const CaptureFile kept = read_captures(path("kept/denali_like.exr"));
   ASSERT_EQ(kept.captures.size(), 5U);
   EXPECT_TRUE(kept.captures[0].T_world_sensor->isApprox(scene.T_world_sensor, 1e-12));

@@ -21,14 +21,12 @@
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/forward/transport/transport_plan.h"
 #include "blindcorner/inverse/fit.h"
-#include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/simulated_sensor.h"
 #include "blindcorner/simulation/synthetic.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
-
-Scene tmf_wall() { return read_scene(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json"); }
 
 Unknown unknown(Component component, double lower, double upper) {
   Unknown u;
@@ -86,7 +84,7 @@ constexpr double k999Of3 = 16.27, k999Of4 = 18.47, k999Of6 = 22.46;
 
 TEST(ExtremeScenes, ABoxThatTouchesTheWallIsWhereTheFitSays) {
   Study study;
-  study.scene = tmf_wall();
+  study.scene = bundled_scene("tmf8828_wall");
   study.scene.hidden.shape = BoxShape{Eigen::Vector3d::Constant(0.2)};
   study.scene.hidden.placement.position = {0.48, 0.5, 1.0};
   study.scene.hidden.placement.yaw = 0;
@@ -102,7 +100,7 @@ TEST(ExtremeScenes, ABoxThatTouchesTheWallIsWhereTheFitSays) {
 
 TEST(ExtremeScenes, SizeAndBrightnessMayBothBeFree) {
   Study study;
-  study.scene = tmf_wall();
+  study.scene = bundled_scene("tmf8828_wall");
   study.scene.unknowns = {unknown(Component::x, 0.15, 0.38), unknown(Component::y, 0.35, 0.7),
                           unknown(Component::size, 0.5, 2)};
   study.low = Eigen::Vector3d(0.15, 0.35, 0.5);
@@ -139,9 +137,9 @@ class RememberedLight final : public ForwardModel {
 };
 
 /// Of captures of a pose, one a seed, those whose first `modes` modes hold it.
-int found(const std::string& scene_file, const PoseVector& truth, double photons, double region,
+int found(const std::string& name, const PoseVector& truth, double photons, double region,
           const std::vector<std::uint64_t>& seeds, std::size_t modes = 1) {
-  const Scene scene = read_scene(SOURCE_DIR "/scenes/" + scene_file);
+  const Scene scene = bundled_scene(name);
   const RememberedLight light(scene, truth);
   const Fitter fitter(scene, FitOptions{});
   LightBudget budget;
@@ -164,8 +162,8 @@ int found(const std::string& scene_file, const PoseVector& truth, double photons
 // basins apart nor lead down to an optimum. With these seeds both were left to it once, and the box
 // ended turned by 0.7 rad, 100 log units too low.
 TEST(BrightScenes, AreFittedWhereTheModelLeads) {
-  EXPECT_EQ(found("reference_street_box.json", Eigen::Vector3d(3.878, 9.050, 1.156), 100'000,
-                  k999Of3, {100, 107, 109}),
+  EXPECT_EQ(found("reference_street_box", Eigen::Vector3d(3.878, 9.050, 1.156), 100'000, k999Of3,
+                  {100, 107, 109}),
             3);
 }
 
@@ -173,8 +171,8 @@ TEST(BrightScenes, AreFittedWhereTheModelLeads) {
 // at another yaw, sure of it. Of seeds 1 to 25 those that did at either level.
 TEST(BrightScenes, OtherYawsAreLookedAt) {
   const auto in_region = [](double photons, const std::vector<std::uint64_t>& seeds) {
-    return found("reference_street_box.json", Eigen::Vector3d(3.878, 9.050, 1.156), photons,
-                 k999Of3, seeds, /*modes=*/3);
+    return found("reference_street_box", Eigen::Vector3d(3.878, 9.050, 1.156), photons, k999Of3,
+                 seeds, /*modes=*/3);
   };
   EXPECT_GE(in_region(10'000, {8, 23, 24}) + in_region(30'000, {3, 5, 25}), 5);
 }
@@ -185,7 +183,7 @@ TEST(BrightScenes, OtherYawsAreLookedAt) {
 TEST(BrightScenes, OfTwoObjectsEachIsInItsPlace) {
   PoseVector truth(6);
   truth << 0.007, 0.824, 0.900, -0.143, 1.044, 0.950;
-  EXPECT_EQ(found("reference_tilted_spheres.json", truth, 100'000, k999Of6,
+  EXPECT_EQ(found("reference_tilted_spheres", truth, 100'000, k999Of6,
                   {100, 101, 102, 103, 104, 105, 106, 107, 108, 109, 110, 111}),
             12);
 }
@@ -196,7 +194,7 @@ TEST(BrightScenes, OfTwoObjectsEachIsInItsPlace) {
 TEST(BrightScenes, ArrangementsOfTwoObjectsAreJudgedByTheModel) {
   PoseVector truth(6);
   truth << 0.076, 0.893, 1.017, -0.074, 1.113, 1.067;
-  EXPECT_EQ(found("reference_tilted_spheres.json", truth, 100'000, k999Of6, {3, 8}), 2);
+  EXPECT_EQ(found("reference_tilted_spheres", truth, 100'000, k999Of6, {3, 8}), 2);
 }
 
 // Yaw and place of a plate over an oblique floor trade along a ridge 1 mm wide that bends. With
@@ -204,7 +202,7 @@ TEST(BrightScenes, ArrangementsOfTwoObjectsAreJudgedByTheModel) {
 TEST(BrightScenes, RidgesAreSampledToTheirEnds) {
   const auto in_region = [](const Eigen::Vector3d& truth, double photons,
                             const std::vector<std::uint64_t>& seeds) {
-    return found("reference_floor_corner_black.json", truth, photons, k95Of3, seeds, /*modes=*/3);
+    return found("reference_floor_corner_black", truth, photons, k95Of3, seeds, /*modes=*/3);
   };
   EXPECT_GE(in_region({0.384, 0.872, -1.721}, 100'000, {3, 5}) +
                 in_region({0.455, 0.815, -1.936}, 10'000, {1, 6, 9}),
@@ -215,7 +213,7 @@ TEST(BrightScenes, RidgesAreSampledToTheirEnds) {
 // each stage of them still went a little farther, and of this capture the truth lay beyond.
 TEST(BrightScenes, RidgesAreSampledUntilTheyGrowNoMore) {
   const Eigen::Vector4d plate(0.25266942, 0.37968171, 0.99290878, -0.72822768);
-  EXPECT_EQ(found("tmf8828_wall.json", plate, 20'000, k999Of4, {31'000'098}), 1);
+  EXPECT_EQ(found("tmf8828_wall", plate, 20'000, k999Of4, {31'000'098}), 1);
 }
 
 // A box of 2 m at 9 m turns its sides to the facade: posteriors run along ridges and around
@@ -225,7 +223,7 @@ TEST(DimScenes, TheTruthIsInTheRegion) {
   std::iota(seeds.begin(), seeds.end(), 1);
   int in_region = 0;
   for (const auto& [x, y, yaw] : {std::array{3.878, 9.050, 1.156}, std::array{2.39, 9.12, 2.19}}) {
-    in_region += found("reference_street_box.json", Eigen::Vector3d(x, y, yaw), 1000, k95Of3, seeds,
+    in_region += found("reference_street_box", Eigen::Vector3d(x, y, yaw), 1000, k95Of3, seeds,
                        /*modes=*/3);
   }
   EXPECT_GE(in_region, 18);  // of 24; 15 where closed form decides
@@ -234,7 +232,7 @@ TEST(DimScenes, TheTruthIsInTheRegion) {
 // A sensor close to the turn of the street: one render of the finer model of lobes would take a
 // second or more, and a fit took a minute. What that model may change widens the claim instead.
 TEST(DearModels, AreLeftOutAndTheClaimIsWider) {
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/street_turn.json");
+  const Scene scene = bundled_scene("street_turn");
   Transform T_world_sensor = Transform::Identity();
   T_world_sensor.translation() << 11.848, 4.143, 1.2;
   T_world_sensor.linear() =
@@ -259,7 +257,7 @@ class LargeRegion : public testing::TestWithParam<double> {};
 TEST_P(LargeRegion, ShowsTheObjectNearTheWall) {
   const double range = GetParam();
   Study study;
-  study.scene = tmf_wall();
+  study.scene = bundled_scene("tmf8828_wall");
   study.scene.unknowns = {unknown(Component::x, 0.55 - range, 0.55),
                           unknown(Component::y, 0.35, 0.35 + range),
                           unknown(Component::yaw, -1.3, 0.5)};
@@ -274,7 +272,7 @@ TEST_P(LargeRegion, ShowsTheObjectNearTheWall) {
 // Where many captures share a placement, tables of exact histograms take the closed form's place,
 // unless the region is too large for them, as here.
 TEST(LargeRegionOfManyCaptures, IsFitted) {
-  Scene scene = tmf_wall();
+  Scene scene = bundled_scene("tmf8828_wall");
   scene.unknowns = {unknown(Component::x, -9.45, 0.55), unknown(Component::y, 0.35, 10.35)};
   FitOptions options;
   options.captures_per_placement = 50;
@@ -288,10 +286,12 @@ TEST(LargeRegionOfManyCaptures, IsFitted) {
 
 INSTANTIATE_TEST_SUITE_P(Metres, LargeRegion, testing::Values(10.0, 1000.0));
 
-TEST(RangesNearRelay, AreNoneWhereTheRegionIsNear) { EXPECT_FALSE(ranges_near_relay(tmf_wall())); }
+TEST(RangesNearRelay, AreNoneWhereTheRegionIsNear) {
+  EXPECT_FALSE(ranges_near_relay(bundled_scene("tmf8828_wall")));
+}
 
 TEST(RangesNearRelay, AreThoseOfPositionsOnly) {
-  Scene scene = tmf_wall();
+  Scene scene = bundled_scene("tmf8828_wall");
   scene.unknowns = {unknown(Component::x, -9, 0.5), unknown(Component::y, 0.3, 10),
                     unknown(Component::yaw, -1, 1)};
   const auto near = ranges_near_relay(scene);

@@ -13,6 +13,7 @@
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/io/starter_scene.h"
+#include "bundled.h"
 #include "inverse/search/exhaustive.h"
 #include "unit/error_message.h"
 #include "unit/test_scenes.h"
@@ -27,7 +28,7 @@ using testing::HasSubstr;
 using testing::Not;
 
 /// A small, quick scene: the DENALI-like wall with two unknowns.
-Scene quick_scene() { return read_scene(SOURCE_DIR "/scenes/denali_like.json"); }
+Scene quick_scene() { return bundled_scene("denali_like"); }
 
 FitOptions quick_options() {
   FitOptions options;
@@ -155,7 +156,7 @@ TEST(Fit, CovarianceShrinksWithLight) {
 // the plate: their slopes claimed a standard deviation of 2.7 mm in y, where finer models have 4.9
 // to 5.5, and the truth was 21 mm away.
 TEST(Fit, StatesNoMoreThanFinerModelsKnowBesideAShadowsEdge) {
-  Scene scene = read_scene(SOURCE_DIR "/scenes/tmf8828_wall.json");
+  Scene scene = bundled_scene("tmf8828_wall");
   for (Zone& zone : scene.sensor.zones) zone.gain *= 8;
   const double ambient = 36'800;
   const auto renderer =

@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
@@ -17,8 +18,6 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::StartsWith;
-
-Scene wall_to_hint_at() { return read_scene(SOURCE_DIR "/scenes/tmf8828_wall.json"); }
 
 std::vector<std::string> hints_of(const Scene& scene) {
   return scene_hints(scene, sensor_placement(scene));
@@ -49,7 +48,7 @@ TEST(SceneHints, BundledScenesNeedNone) {
 }
 
 TEST(SceneHints, SearchRegionBehindTheRelay) {
-  Scene scene = wall_to_hint_at();
+  Scene scene = bundled_scene("tmf8828_wall");
   put_x(scene, 0.7, 0.9);
   EXPECT_THAT(hints_of(scene), ElementsAre(AllOf(StartsWith("All of the search region lies behind"),
                                                  HasSubstr("unknowns"))));
@@ -57,14 +56,14 @@ TEST(SceneHints, SearchRegionBehindTheRelay) {
 
 // Two of nine columns of places lie beyond the wall: 22 %.
 TEST(SceneHints, PartOfTheSearchRegionBehindTheRelay) {
-  Scene scene = wall_to_hint_at();
+  Scene scene = bundled_scene("tmf8828_wall");
   put_x(scene, 0.6 - 0.7, 0.6 + 0.2);
   EXPECT_NEAR(region_reach(scene, sensor_placement(scene)).behind, 2.0 / 9, 1e-9);
   EXPECT_THAT(hints_of(scene), ElementsAre(StartsWith("22 % of the search region lies behind")));
 }
 
 TEST(SceneHints, SearchRegionOutOfTheSensorsTime) {
-  Scene scene = wall_to_hint_at();
+  Scene scene = bundled_scene("tmf8828_wall");
   // The last bin is over 2.4 ns after time zero: a path of 0.7 m, half the way to the wall and
   // back.
   for (Zone& zone : scene.sensor.zones) zone.last_valid_bin = 40;
@@ -80,7 +79,7 @@ TEST(SceneHints, SearchRegionOutOfTheSensorsTime) {
 }
 
 TEST(SceneHints, PlacementBehindTheRelay) {
-  const Scene scene = wall_to_hint_at();
+  const Scene scene = bundled_scene("tmf8828_wall");
   std::vector<Placement> placements = stated_placements(scene);
   EXPECT_THAT(placement_hints(scene, sensor_placement(scene), placements), IsEmpty());
   placements.front().position.x() = 0.8;
@@ -102,7 +101,7 @@ FitResult fit_of(double deviance, double measured, double model) {
 }
 
 TEST(FitHints, GainsThatWereNeverCalibrated) {
-  Scene scene = wall_to_hint_at();
+  Scene scene = bundled_scene("tmf8828_wall");
   scene.linear.direct = LinearMode::fixed;
   EXPECT_THAT(fit_hints(scene, fit_of(1050, 100, 100)), IsEmpty());
   EXPECT_THAT(fit_hints(scene, fit_of(133'000, 400, 100)),
@@ -114,7 +113,7 @@ TEST(FitHints, GainsThatWereNeverCalibrated) {
 
 // Without the direct return a pose takes up an error of time zero, and no misfit tells.
 TEST(FitHints, TimeZeroThatNothingChecks) {
-  Scene scene = wall_to_hint_at();
+  Scene scene = bundled_scene("tmf8828_wall");
   FitResult result = fit_of(1000, 100, 100);
   const auto n = static_cast<Eigen::Index>(scene.unknowns.size());
   PoseMode mode;

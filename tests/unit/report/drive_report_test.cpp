@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "blindcorner/simulation/true_world.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
@@ -15,11 +16,7 @@ using testing::HasSubstr;
 using testing::Not;
 using testing::StartsWith;
 
-const Drive& crossing() {
-  static const Drive drive =
-      read_drive(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist_drive.json");
-  return drive;
-}
+const Drive& crossing() { return bundled_drive("crossing_cyclist"); }
 
 /// A frame each second: nothing known, half sure, sure, then in direct sight.
 DriveResult driven(DriveOutcome outcome) {

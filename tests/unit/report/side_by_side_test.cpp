@@ -7,6 +7,7 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/report/drive_report.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
@@ -80,7 +81,7 @@ nlohmann::json driven(const Drive& drive, const std::string& perception, DriveOu
 }
 
 TEST(ReplayPair, SaysHowBothEndAndShowsWhatBothNeed) {
-  const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist_drive.json");
+  const Drive drive = bundled_drive("crossing_cyclist");
   const nlohmann::json pair =
       replay_pair(driven(drive, "los", DriveOutcome::collision, 5),
                   driven(drive, "solver", DriveOutcome::reached, 20), {"los/drive.html", ""});
@@ -102,7 +103,7 @@ TEST(ReplayPair, SaysHowBothEndAndShowsWhatBothNeed) {
 }
 
 TEST(ReplayPair, RefusesTwoSeeds) {
-  const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist_drive.json");
+  const Drive drive = bundled_drive("crossing_cyclist");
   nlohmann::json other = driven(drive, "solver", DriveOutcome::reached, 20);
   other["drive"]["seed"] = 8;
   EXPECT_THROW(replay_pair(driven(drive, "los", DriveOutcome::collision, 5), other), Error);

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "blindcorner/simulation/drive_loop.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
@@ -21,7 +22,7 @@ DriveResult run(const Drive& drive, const std::string& perception, double speed)
 }
 
 Drive crossing(double present) {
-  Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist_drive.json");
+  Drive drive = bundled_drive("crossing_cyclist");
   drive.truth.present = present;
   return drive;
 }

@@ -12,7 +12,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "forward/support/quantile.h"
 #include "unit/error_message.h"
 
@@ -21,8 +21,6 @@ namespace {
 
 using ::testing::ElementsAreArray;
 using ::testing::HasSubstr;
-
-Scene wall() { return read_scene(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json"); }
 
 ComparisonOptions few() {
   ComparisonOptions options;
@@ -40,7 +38,7 @@ const Condition& named(const std::vector<Condition>& conditions, std::string_vie
 }
 
 TEST(ComparisonConditions, ChangeWhatTheySayAndNothingElse) {
-  const Scene scene = wall();
+  const Scene scene = bundled_scene("tmf8828_wall");
   const std::vector<Condition> conditions = render_conditions(scene, few());
   std::vector<std::string> names;
   for (const Condition& c : conditions) names.push_back(c.name);
@@ -65,7 +63,7 @@ TEST(ComparisonConditions, ChangeWhatTheySayAndNothingElse) {
 }
 
 TEST(ComparisonConditions, AreTheSameAtAnyNumberOfThreads) {
-  const Scene scene = wall();
+  const Scene scene = bundled_scene("tmf8828_wall");
   const auto all = render_conditions(scene, few());
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   const auto again = render_conditions(scene, few());
@@ -78,7 +76,7 @@ TEST(ComparisonConditions, AreTheSameAtAnyNumberOfThreads) {
 }
 
 TEST(ComparisonConditions, KeepObjectsOutOfSurfaces) {
-  const Scene scene = wall();
+  const Scene scene = bundled_scene("tmf8828_wall");
   PoseVector pose(4);
   pose << 0.28, 0.5, 1.05, 0;
   EXPECT_TRUE(clear_of_surfaces(scene, pose));
@@ -87,7 +85,7 @@ TEST(ComparisonConditions, KeepObjectsOutOfSurfaces) {
 }
 
 TEST(ComparisonConditions, RefuseSeveralObjects) {
-  Scene scene = wall();
+  Scene scene = bundled_scene("tmf8828_wall");
   scene.further_hidden.push_back(scene.hidden);
   EXPECT_THAT(message_of([&] { render_conditions(scene, few()); }), HasSubstr("found 2 objects"));
   ComparisonOptions one = few();
@@ -150,7 +148,7 @@ ComparedMethod off_by(const std::string& name, double metres, double radians = 0
 }
 
 TEST(Comparison, SaysWhereAnotherMethodIsBetterAndCountsFailures) {
-  const Scene scene = wall();
+  const Scene scene = bundled_scene("tmf8828_wall");
   Condition condition{"tilted", "", "the relay is off", ""};
   for (int i = 0; i < 8; ++i) {
     Capture capture;

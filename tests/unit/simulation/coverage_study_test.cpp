@@ -9,7 +9,7 @@
 #include <random>
 
 #include "blindcorner/forward/error.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "unit/error_message.h"
 #include "unit/test_scenes.h"
 
@@ -170,7 +170,7 @@ TEST(CoverageStudy, TheBestTestSeesAShiftOfANormalVariable) {
 // below a part of the photon noise. Nothing explains those of a relay that stands otherwise: this
 // is the wrong assumption of which every capture is flagged.
 TEST(CoverageStudy, OnlyAWrongSceneLeavesExpectedCountsUnexplained) {
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/denali_like.json");
+  const Scene scene = bundled_scene("denali_like");
   FitOptions options;
   options.importance_samples = options.empty_captures = 0;
   const Fitter fitter(scene, options);
@@ -187,7 +187,7 @@ TEST(CoverageStudy, OnlyAWrongSceneLeavesExpectedCountsUnexplained) {
 }
 
 TEST(CoverageStudy, RunsAsToldAndWithEachWrongAssumption) {
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/denali_like.json");
+  const Scene scene = bundled_scene("denali_like");
   CoverageOptions options;
   options.captures = 3;
   options.wrong_captures = 2;
@@ -222,7 +222,7 @@ TEST(CoverageStudy, RunsAsToldAndWithEachWrongAssumption) {
 // partition at every size. Of 60 honest captures fewer than 48 lie in their 95 % regions, or the
 // mean of three squares exceeds 1.46, once in ten thousand times each.
 TEST(CoverageStudy, SizeAndBrightnessFreeAreAsSureAsTheySay) {
-  Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json");
+  Scene scene = bundled_scene("tmf8828_wall");
   scene.unknowns = {{Component::x, 0.15, 0.38, {}},
                     {Component::y, 0.45, 0.7, {}},
                     {Component::size, 0.5, 1.5, {}}};
@@ -249,7 +249,7 @@ TEST(CoverageStudy, SizeAndBrightnessFreeAreAsSureAsTheySay) {
 // Near the relay the renderer's own sampling shows in bright captures: it must not be taken for the
 // fit's error. A denser truth errs less, and brighter light shows more of it.
 TEST(CoverageStudy, SaysWhatTheTruthsSamplingAdds) {
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json");
+  const Scene scene = bundled_scene("tmf8828_wall");
   const auto added = [&](double sampling, double photons, TrueLight light = TrueLight::reference) {
     CoverageOptions options;
     options.captures = 4;
@@ -269,7 +269,7 @@ TEST(CoverageStudy, SaysWhatTheTruthsSamplingAdds) {
 }
 
 TEST(DrawnObjects, AreTheSameWhateverTheSceneIsWrongAbout) {
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/denali_like.json");
+  const Scene scene = bundled_scene("denali_like");
   DrawOptions options;
   options.objects = 2;
   options.light = TrueLight::sensor;

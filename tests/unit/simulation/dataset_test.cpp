@@ -8,16 +8,14 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/scene/orientation.h"
-#include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/simulated_sensor.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
 
-Scene wall_scene() { return read_scene(SOURCE_DIR "/scenes/tmf8828_wall.json"); }
-
 TEST(Dataset, ObjectsStandOnAGridAndSensorsAroundTheScenes) {
-  const Scene scene = wall_scene();
+  const Scene scene = bundled_scene("tmf8828_wall");
   DatasetOptions options;
   const DatasetPlan plan = plan_dataset(scene, options);
   ASSERT_EQ(plan.objects.size(), 400U);
@@ -48,7 +46,7 @@ TEST(Dataset, ObjectsStandOnAGridAndSensorsAroundTheScenes) {
 }
 
 TEST(Dataset, RandomCapturesHavePlacesAndSensorPosesOfTheirOwn) {
-  const Scene scene = wall_scene();
+  const Scene scene = bundled_scene("tmf8828_wall");
   DatasetOptions options;
   options.random = 6;
   const DatasetPlan plan = plan_dataset(scene, options);
@@ -67,7 +65,7 @@ TEST(Dataset, RandomCapturesHavePlacesAndSensorPosesOfTheirOwn) {
 }
 
 TEST(Dataset, CapturesAreWhatTheSimulatedSensorSenses) {
-  const Scene scene = wall_scene();
+  const Scene scene = bundled_scene("tmf8828_wall");
   DatasetOptions options;
   options.objects = 4;
   options.sensors = 2;
@@ -96,7 +94,7 @@ TEST(Dataset, CapturesAreWhatTheSimulatedSensorSenses) {
 }
 
 TEST(Dataset, SameSeedSameCaptures) {
-  const Scene scene = wall_scene();
+  const Scene scene = bundled_scene("tmf8828_wall");
   DatasetOptions options;
   options.objects = 1;
   options.sensors = 2;
@@ -110,7 +108,7 @@ TEST(Dataset, SameSeedSameCaptures) {
 }
 
 TEST(Dataset, RefusesWhatItCannotDo) {
-  Scene scene = wall_scene();
+  Scene scene = bundled_scene("tmf8828_wall");
   DatasetOptions options;
   options.objects = 399;
   EXPECT_THROW(plan_dataset(scene, options), Error);

@@ -5,7 +5,7 @@
 
 #include <random>
 
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
@@ -45,7 +45,7 @@ TEST(RocCurve, OfNormalScores) {
 }
 
 TEST(DetectionStudy, FindsBrightObjectsAndJudgesTheStatedRate) {
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/denali_like.json");
+  const Scene scene = bundled_scene("denali_like");
   DetectionOptions options;
   options.captures = 4;
   options.empty_captures = 12;

@@ -9,17 +9,14 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/planner/control/path_follower.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
 
 constexpr double kCyclist = 5.6;  // m/s, the fastest of 2.8 to 5.6
 
-const Drive& crossing_drive() {
-  static const Drive drive =
-      read_drive(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist_drive.json");
-  return drive;
-}
+const Drive& crossing_drive() { return bundled_drive("crossing_cyclist"); }
 
 const SimulatedSensor& crossing_sensor() {
   static const SimulatedSensor made(crossing_drive().scene);
@@ -93,7 +90,7 @@ TEST(DriveLimits, LessFrictionAndLongerDelaysLowerTheLimit) {
 
 // The robot's sensor, whose frames are cheap.
 TEST(DriveLimits, MoreLightTellsEarlier) {
-  Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/robot_drive.json");
+  Drive drive = bundled_drive("robot");
   const SimulatedSensor usual(drive.scene), dim(with_light(drive.scene, 0.01));
   DriveLimitsOptions options;
   options.light_every = 1;

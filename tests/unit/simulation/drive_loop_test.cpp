@@ -16,15 +16,13 @@
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/simulation/perception.h"
 #include "blindcorner/simulation/true_world.h"
+#include "bundled.h"
 #include "simulation/convex_distance.h"
 
 namespace blindcorner {
 namespace {
 
-const Drive& robot_drive() {
-  static const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/robot_drive.json");
-  return drive;
-}
+const Drive& robot_drive() { return bundled_drive("robot"); }
 
 const SimulatedSensor& robot_sensor() {
   static const SimulatedSensor made(robot_drive().scene);
@@ -66,7 +64,7 @@ TEST(TrueWorld, MovesOnBeyondTheRegionsBorder) {
 }
 
 TEST(TrueWorld, VehicleAndObjectMeetWhereTheDriveSays) {
-  Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist_drive.json");
+  Drive drive = bundled_drive("crossing_cyclist");
   drive.truth.present = 1;
   drive.truth.meeting->spread = 0;
   const DriveMeeting& meeting = *drive.truth.meeting;
@@ -324,7 +322,7 @@ TEST(SimulatedSensor, MoreLightIsMoreSignalOverTheSameDaylight) {
 // The reference point of a car goes ahead of its rear axle, so that in a turn its front is outside
 // of the path. Plans that took the path's direction for the car's touched this cyclist.
 TEST(BlindTurn, TheFrontStaysClearOfWhoStandsBesideTheTurn) {
-  const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/blind_turn_drive.json");
+  const Drive drive = bundled_drive("blind_turn");
   DriveOptions options;
   options.perception = "los";
   options.keep_pictures = false;
@@ -360,7 +358,7 @@ TEST(DriveLoop, ClaimsNothingInTheDarkAndNothingWrongInFog) {
 
 // Somebody comes; who is told so stops for him, and says it.
 TEST(CrossingDrive, WhoKnowsBrakesForTheCyclistAndReachesTheGoal) {
-  Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist_drive.json");
+  Drive drive = bundled_drive("crossing_cyclist");
   drive.truth.present = 1;
   const SimulatedSensor street(drive.scene);
   DriveOptions options;
@@ -397,7 +395,7 @@ double slowest_at_the_corner(const Drive& drive, const DriveResult& result) {
 // With the cyclist in sight the plans of this world turn more quickly than the car steers. One that
 // heeds its paths alone touches him at 3 m/s.
 TEST(SafeSpeedDrive, StopsForWhatItWouldTouchBesideItsPath) {
-  const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/street_safe_drive.json");
+  const Drive drive = bundled_drive("street_safe");
   const SimulatedSensor street(drive.scene);
   DriveOptions options;
   options.keep_pictures = false;
@@ -411,7 +409,7 @@ TEST(SafeSpeedDrive, StopsForWhatItWouldTouchBesideItsPath) {
 }
 
 TEST(SafeSpeedDrive, WhoKnowsThatNothingIsThereNeedNotSlowDown) {
-  Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/street_safe_drive.json");
+  Drive drive = bundled_drive("street_safe");
   drive.truth.present = 0;
   const SimulatedSensor street(drive.scene);
   DriveOptions options;
@@ -431,7 +429,7 @@ TEST(SafeSpeedDrive, WhoKnowsThatNothingIsThereNeedNotSlowDown) {
 }
 
 TEST(SafeSpeedDrive, SlowsDownACarThatDoesNotBrakeForCurves) {
-  Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/street_safe_drive.json");
+  Drive drive = bundled_drive("street_safe");
   drive.truth.present = 0;
   drive.vehicle.brakes_for_curves = false;
   const SimulatedSensor street(drive.scene);
@@ -444,9 +442,7 @@ TEST(SafeSpeedDrive, SlowsDownACarThatDoesNotBrakeForCurves) {
   EXPECT_LT(safe + 0.5, slowest_at_the_corner(drive, drive_through(drive, street, options)));
 }
 
-Drive published_turn() {
-  return read_drive(std::string(SOURCE_DIR) + "/scenes/published_turn_drive.json");
-}
+Drive published_turn() { return bundled_drive("published_turn"); }
 
 TEST(PublishedDrive, HoldsItsSpeedThroughAnEmptyTurn) {
   Drive drive = published_turn();
@@ -497,7 +493,7 @@ TEST(PublishedDrive, TakesWhatIsHiddenForADisc) {
 /// Before a robot a sign 0.2 m wide and 0.3 m high is a disc of 0.18 m: one of 1 m would close the
 /// corridor.
 TEST(PublishedDrive, TheDiscIsNoLargerThanTheObject) {
-  const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/published_detour_drive.json");
+  const Drive drive = bundled_drive("published_detour");
   const DriveFrame last = frame_of_last_map(drive);
   ASSERT_FALSE(last.occupancy.empty());
   ASSERT_TRUE(last.truth);

@@ -13,6 +13,7 @@
 #include "blindcorner/planner/grid/line_of_sight.h"
 #include "blindcorner/simulation/drive_dataset.h"
 #include "blindcorner/simulation/perception.h"
+#include "bundled.h"
 #include "simulation/drive_setup.h"
 #include "unit/error_message.h"
 
@@ -23,10 +24,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-const Drive& robot() {
-  static const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/robot_drive.json");
-  return drive;
-}
+const Drive& robot() { return bundled_drive("robot"); }
 
 /// Captures that hold nothing to learn, with poses from all of the search region.
 std::vector<Capture> noise(const Scene& scene) {
@@ -124,7 +122,7 @@ TEST_F(NetworkPerception, WeightsOfAnotherSceneAreRefused) {
                 load_networks(other, {{"cnn", file}});
               }),
               AllOf(HasSubstr(file), HasSubstr("trained for " + robot().scene.name)));
-  const Drive street = read_drive(std::string(SOURCE_DIR) + "/scenes/street_trials_drive.json");
+  const Drive street = bundled_drive("street_trials");
   EXPECT_THAT(message_of([&] {
                 load_networks(street, {{"cnn", file}});
               }),

@@ -6,7 +6,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/scene/orientation.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
@@ -58,7 +58,7 @@ TEST(SensorPath, OnePoseStands) {
 
 // The car drives 6 m along the street and turns left, towards the corner; the relay stays in view.
 TEST(SensorPath, ForwardEndOfTheStreet) {
-  const Scene scene = read_scene(SOURCE_DIR "/scenes/street_corner.json");
+  const Scene scene = bundled_scene("street_corner");
   const Transform end = forward_end(scene);
   const Vector3d moved = end.translation() - scene.T_world_sensor.translation();
   // The facade is at x = 26 m: 0.3 * 19 m / cos(15 deg).
@@ -72,7 +72,7 @@ TEST(SensorPath, ForwardEndOfTheStreet) {
 }
 
 TEST(SensorPath, WithoutARelayInViewIsRefused) {
-  const Scene scene = read_scene(SOURCE_DIR "/scenes/tmf8828_wall.json");
+  const Scene scene = bundled_scene("tmf8828_wall");
   EXPECT_THROW(seen_from(scene, pose({0, 0, 1}, {180, 0, 0})), Error);
 }
 

@@ -6,17 +6,14 @@
 
 #include <cmath>
 
-#include "blindcorner/io/drive_file.h"
 #include "blindcorner/simulation/drive_claims.h"
+#include "bundled.h"
 #include "simulation/movers.h"
 
 namespace blindcorner {
 namespace {
 
-const Drive& street() {
-  static const Drive drive = read_drive(std::string(SOURCE_DIR) + "/scenes/street_two_drive.json");
-  return drive;
-}
+const Drive& street() { return bundled_drive("street_two"); }
 
 PoseVector truth() { return Eigen::Vector4d(22, 23, 18, 20); }
 

@@ -8,7 +8,7 @@
 #include <random>
 #include <set>
 
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "unit/error_message.h"
 #include "unit/test_scenes.h"
 
@@ -186,7 +186,7 @@ TEST(SolverSweep, AsksAllMethodsTheSameCapturesBesideTheBound) {
 
 // Bright captures show the sampling of their truth: whoever asks for a denser one must get it.
 TEST(SolverSweep, RendersTheTruthWithTheSamplingAskedFor) {
-  const Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
+  const Scene scene = bundled_scene("denali_like");
   const auto counts_with = [&](double sampling) {
     std::vector<double> counts;
     const SweptMethod listener{"listener", "", false, 1, [&counts]() -> SweepAnswerer {

@@ -13,6 +13,7 @@
 #include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/solver_sweep.h"
 #include "blindcorner/simulation/synthetic.h"
+#include "bundled.h"
 #include "io/npz.h"
 #include "unit/io/io_test_files.h"
 
@@ -105,7 +106,7 @@ TEST(TracedScene, OfTheSharedDataSuitsItsScene) {
                                  "street_box", "tilted_spheres"}) {
     const std::string path = test::data_folder() + "/mitransient/" + name + ".npz";
     if (!std::filesystem::exists(path)) GTEST_SKIP() << "no reference transients at " << path;
-    const Scene scene = read_scene(SOURCE_DIR "/scenes/reference_" + name + ".json");
+    const Scene scene = bundled_scene("reference_" + name);
     for (const PoseVector& pose : read_traced_scene(scene, path).poses) {
       for (std::size_t i = 0; i < scene.unknowns.size(); ++i) {
         const double value = pose[static_cast<Eigen::Index>(i)];

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string>
 
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "forward/relay/relay_setup.h"
 
 namespace blindcorner {
@@ -25,7 +25,7 @@ struct DirectCase {
 class DirectReturn : public testing::TestWithParam<DirectCase> {};
 
 TEST_P(DirectReturn, CoarseCellsAgreeWithFineOnes) {
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/" + GetParam().scene + ".json");
+  const Scene scene = bundled_scene(GetParam().scene);
   SensorPlacement placement = sensor_placement(scene);
   placement.T_world_sensor.translation().x() += GetParam().moved;
   const RelaySetup setup(scene, placement);

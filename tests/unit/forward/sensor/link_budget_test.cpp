@@ -16,6 +16,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {
@@ -63,7 +64,7 @@ TEST(LinkBudget, GainIsCountsPerIrradiance) {
 
 // S/N of values with Gaussian noise is over that noise, not over counts' own.
 TEST(LinkBudget, SignalToNoiseFollowsTheNoiseModel) {
-  Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
+  Scene scene = bundled_scene("denali_like");
   const SensorPlacement sensor = sensor_placement(scene);
   const auto model = make_fast_model(scene, sensor, at_tolerance(0.1));
   PoseVector pose(2);
@@ -197,7 +198,7 @@ TEST(LinkBudget, PileUpStaysWithinItsBound) {
 }
 
 TEST(LinkBudget, WithoutALinkPileUpIsNotKnown) {
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json");
+  const Scene scene = bundled_scene("tmf8828_wall");
   TransportPlan plan;
   decide_pile_up(plan, scene, std::vector<ZoneBudget>(9));
   EXPECT_TRUE(std::isinf(plan.decision(Term::pile_up).bound));

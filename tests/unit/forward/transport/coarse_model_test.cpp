@@ -7,7 +7,7 @@
 #include <cmath>
 #include <string>
 
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {
@@ -16,7 +16,7 @@ namespace {
 class CoarseLight : public testing::TestWithParam<std::string> {
  protected:
   CoarseLight()
-      : scene_(read_scene(std::string(SOURCE_DIR) + "/scenes/" + GetParam() + ".json")),
+      : scene_(bundled_scene(GetParam())),
         sensor_(sensor_placement(scene_)),
         coarse_(std::make_shared<const CoarseScene>(scene_), sensor_) {}
 

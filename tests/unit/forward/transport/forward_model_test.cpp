@@ -15,6 +15,7 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {
@@ -839,7 +840,7 @@ TEST(ReferenceRenderer, FewCellsOfSmallZonesDo) {
 // A lobe sends light back to around where it came from, so that one form factor counts. With two,
 // patches at the foot of a cyclist on a lit road asked for thousands of points of him.
 TEST(FastModelTest, PairsNeedFewPointsOfAnObjectBesideWhatIsLit) {
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/crossing_cyclist.json");
+  const Scene scene = bundled_scene("crossing_cyclist");
   const auto model = [&](double object) {
     FastModelOptions options;
     options.sampling_step = SamplingStep{5.6, object, true};
@@ -857,7 +858,7 @@ TEST(FastModelTest, PairsNeedFewPointsOfAnObjectBesideWhatIsLit) {
 // several times the pulse. One sum, a normal distribution of the path for each lobe, is 4 to 9 %
 // off.
 TEST(FastModelTest, LobesThatGrazeTheFloorMeetTheTolerance) {
-  Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/tmf8828_floor.json");
+  Scene scene = bundled_scene("tmf8828_floor");
   scene.surfaces.resize(1);
   scene.sensor.field = AngularCone{80 * kDegree};
   FastModelOptions options;
@@ -882,8 +883,7 @@ TEST(FastModelTest, LobesThatGrazeTheFloorMeetTheTolerance) {
 // A face of the box turns away while the corner's shadow crosses patches of the floor that lie half
 // behind it: their visible part is in front of the face where their own points are not.
 TEST(FastModelTest, LightDoesNotJumpWhereShadowsMeetTheHorizon) {
-  const Scene scene =
-      read_scene(std::string(SOURCE_DIR) + "/scenes/reference_floor_corner_light.json");
+  const Scene scene = bundled_scene("reference_floor_corner_light");
   FastModelOptions options;
   options.tolerance = 0.04;
   const auto model = make_fast_model(scene, sensor_placement(scene), options);
@@ -904,7 +904,7 @@ TEST(FastModelTest, LightDoesNotJumpWhereShadowsMeetTheHorizon) {
 
 /// A placement beside one of the relay patches that stand for all had asked for 12,616 points.
 TEST(FastModelTest, ObjectsNearTheRelayAreNotDividedForOnePatch) {
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/street_turn.json");
+  const Scene scene = bundled_scene("street_turn");
   const Eigen::AngleAxisd turned(0.13524554450254003, Eigen::Vector3d::UnitZ());
   Transform T_world_sensor = Transform::Identity();
   T_world_sensor.translation() = Eigen::Vector3d(8.964083958438168, 2.8459207015902197, 0) +

@@ -7,7 +7,7 @@
 #include <random>
 
 #include "blindcorner/forward/error.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "io/mesh_file.h"
 #include "unit/test_scenes.h"
 
@@ -316,7 +316,7 @@ TEST(SeveralObjects, PlanAndSamplingSuitEveryObject) {
 // whole tolerance. Held against each object's share of it, the street with two lobes took pairs,
 // for an evaluation that lasts a hundred times as long, though they change no bin by the tolerance.
 TEST(SeveralObjects, TwoLobesNeedPairsNoMoreThanEachByItself) {
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/street_two.json");
+  const Scene scene = bundled_scene("street_two");
   const SensorPlacement sensor = sensor_placement(scene);
   FastModelOptions options = at_tolerance(0.1);
   const auto both = make_fast_model(scene, sensor, options);

@@ -10,7 +10,7 @@
 #include <set>
 #include <vector>
 
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "forward/relay/relay_setup.h"
 #include "forward/sensor/pulse_table.h"
 #include "forward/transport/static_background.h"
@@ -150,7 +150,7 @@ TEST(PatchTree, BlocksHoldEachPatchOnceAndOneZone) {
 
 TEST(KnownBounces, PartsOfTreesHaveTheLightOfTheirPatches) {
   for (const char* name : {"crossing_cyclist", "street_turn", "tmf8828_floor"}) {
-    const Scene scene = read_scene(std::string(SOURCE_DIR "/scenes/") + name + ".json");
+    const Scene scene = bundled_scene(name);
     StaticLightSampling every;
     every.part_angle = 1e-9;
     const RelaySetup setup(scene, sensor_placement(scene));

@@ -10,21 +10,19 @@
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/transport/forward_model.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "inverse/likelihood/linear_unknowns.h"
 #include "inverse/likelihood/observation.h"
 
 namespace blindcorner {
 namespace {
 
-Scene mirrors() { return read_scene(std::string(SOURCE_DIR) + "/scenes/cheapspad_mirrors.json"); }
-
 double total(const HistogramCube& cube, int zone) {
   return std::accumulate(cube.zone(zone), cube.zone(zone) + cube.bins, 0.0);
 }
 
 TEST(MeasuredLaw, FallsAsItSaysAndArrivesWhenItShould) {
-  const Scene scene = mirrors();
+  const Scene scene = bundled_scene("cheapspad_mirrors");
   const auto model = make_fast_model(scene, sensor_placement(scene));
   const Eigen::Vector3d q(0.1, -1.1, 1.2);
   const HistogramCube light = model->three_bounce(q);
@@ -50,7 +48,7 @@ TEST(MeasuredLaw, FallsAsItSaysAndArrivesWhenItShould) {
 
 // The wall's normal is -y, so the axes along it are x and z.
 TEST(MeasuredLaw, AxisMayLeanAgainstTheNormal) {
-  Scene scene = mirrors();
+  Scene scene = bundled_scene("cheapspad_mirrors");
   auto& law = std::get<MeasuredLawMaterial>(scene.hidden.material);
   law.axis_across = 0.1;
   law.axis_up = -0.05;
@@ -66,13 +64,13 @@ TEST(MeasuredLaw, AxisMayLeanAgainstTheNormal) {
 }
 
 TEST(MeasuredLaw, NeedsRelayPoints) {
-  Scene scene = mirrors();
+  Scene scene = bundled_scene("cheapspad_mirrors");
   for (Zone& zone : scene.sensor.zones) zone.footprint = AngularRectangle{-0.1, 0.1, -0.1, 0.1};
   EXPECT_THROW(make_fast_model(scene, sensor_placement(scene)), Error);
 }
 
 TEST(ZoneWrap, EachZoneHasItsOwn) {
-  Scene scene = mirrors();
+  Scene scene = bundled_scene("cheapspad_mirrors");
   scene.sensor.zones[0].wrap_bins = 10;  // zone 1 is the same spot
   const HistogramCube light = make_fast_model(scene, sensor_placement(scene))
                                   ->three_bounce(Eigen::Vector3d(0.1, -1.1, 1.2));
@@ -91,7 +89,7 @@ Observation dark(const Scene& scene, const Capture& capture) {
 
 // Mean of ten bins at 7 with variance 4 / 5 each, prior 10 with sigma 0.5: weights 12.5 and 4.
 TEST(AmbientPrior, IsWeighedAgainstTheBins) {
-  Scene scene = mirrors();
+  Scene scene = bundled_scene("cheapspad_mirrors");
   scene.sensor.noise = GaussianNoise{.variance_floor = 4, .variance_per_count = 0};
   for (Zone& zone : scene.sensor.zones) zone.first_valid_bin = 0;
   scene.linear.ambient_prior.assign(8, {10, 0.5});
@@ -114,7 +112,7 @@ TEST(AmbientPrior, IsWeighedAgainstTheBins) {
 }
 
 TEST(ZoneExposures, AZoneWithoutDataSaysNothing) {
-  Scene scene = mirrors();
+  Scene scene = bundled_scene("cheapspad_mirrors");
   for (Zone& zone : scene.sensor.zones) zone.first_valid_bin = 0;
   Capture capture;
   capture.counts = HistogramCube(4, 2, 24);

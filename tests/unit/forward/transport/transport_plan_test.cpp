@@ -12,7 +12,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/transport/forward_model.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "forward/relay/ray_scene.h"
 #include "forward/relay/relay_setup.h"
 #include "forward/relay/visibility.h"
@@ -40,9 +40,7 @@ double change(const HistogramCube& a, const HistogramCube& b) {
 
 class ShippedScene : public testing::TestWithParam<const char*> {
  protected:
-  Scene scene() const {
-    return read_scene(std::string(SOURCE_DIR) + "/scenes/" + GetParam() + ".json");
-  }
+  Scene scene() const { return bundled_scene(GetParam()); }
 };
 
 // The coarse tolerance keeps the test short; the bounds have to hold at any.
@@ -122,7 +120,7 @@ TEST_P(ShippedScene, ObjectOutOfViewIsMetByNoRay) {
 
 class SingleSum : public testing::TestWithParam<const char*> {
  protected:
-  Scene scene_ = read_scene(std::string(SOURCE_DIR) + "/scenes/" + GetParam() + ".json");
+  Scene scene_ = bundled_scene(GetParam());
   SensorPlacement sensor_ = sensor_placement(scene_);
   PoseVector pose_ = pose_of(scene_.hidden.placement, scene_.unknowns);
 };
@@ -161,11 +159,9 @@ INSTANTIATE_TEST_SUITE_P(TransportPlan, ShippedScene,
                                          "ams_u"),
                          [](const auto& tested) { return std::string(tested.param); });
 
-Scene small_scene() { return read_scene(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json"); }
-
 // The plan is made for the search region; a pose elsewhere gets all occluders back.
 TEST(TransportPlan, PosesOutsideOfTheSearchRegionKeepAllOccluders) {
-  Scene s = small_scene();
+  Scene s = bundled_scene("tmf8828_wall");
   s.sensor.bins = 256;  // the pose is farther than the scene's own axis reaches
   Surface plate;
   plate.name = "plate";
@@ -193,7 +189,7 @@ TEST(TransportPlan, PosesOutsideOfTheSearchRegionKeepAllOccluders) {
 
 // Decisions follow the scene: what could matter is used.
 TEST(TransportPlan, DecisionsFollowTheScene) {
-  Scene s = small_scene();
+  Scene s = bundled_scene("tmf8828_wall");
   const auto plan = [&] {
     return make_fast_model(s, sensor_placement(s), at_tolerance(0.3))->plan();
   };

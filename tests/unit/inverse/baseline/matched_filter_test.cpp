@@ -5,18 +5,16 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/baseline/back_projection.h"
-#include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/synthetic.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
 
-Scene denali() { return read_scene(std::string(SOURCE_DIR) + "/scenes/denali_like.json"); }
-
 // The answer is a pose of the grid: within a pulse's half width of the truth where light is ample,
 // and no nearer than the grid allows, whichever way its histograms are made.
 TEST(MatchedFilterBaseline, AnswersAPoseOfTheGridNearTheTruth) {
-  const Scene scene = denali();
+  const Scene scene = bundled_scene("denali_like");
   const auto renderer = make_reference_renderer(scene, sensor_placement(scene));
   const Eigen::Vector2d truth(1.14, 0.34);
   LightBudget budget;
@@ -33,7 +31,7 @@ TEST(MatchedFilterBaseline, AnswersAPoseOfTheGridNearTheTruth) {
 }
 
 TEST(MatchedFilterBaseline, AnswersTheMiddleOfThePriorWithoutLight) {
-  const Scene scene = denali();
+  const Scene scene = bundled_scene("denali_like");
   Capture dark;
   dark.counts = HistogramCube(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
   EXPECT_EQ(MatchedFilterBaseline(scene).predict(dark), middle_of_prior(scene));

@@ -9,7 +9,7 @@
 
 #include "blindcorner/forward/error.h"
 #include "blindcorner/inverse/fit.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "unit/error_message.h"
 #include "unit/test_scenes.h"
 
@@ -17,10 +17,6 @@ namespace blindcorner {
 namespace {
 
 using ::testing::HasSubstr;
-
-Scene wall_with_plate() {
-  return read_scene(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json");
-}
 
 BoundOptions small() {
   BoundOptions options;
@@ -38,7 +34,7 @@ PoseBound bound_at_middle(const Scene& scene, const BoundOptions& options) {
 // As the root of the light, less what the error of the static background and the prior of the
 // brightness leave: of more light both leave less than half.
 TEST(ErrorBound, FallsWithTheRootOfLight) {
-  const Scene scene = wall_with_plate();
+  const Scene scene = bundled_scene("tmf8828_wall");
   BoundOptions options = small();
   options.ambient = 40;
   options.exposures = 0.015;  // some hundred photons
@@ -54,7 +50,7 @@ TEST(ErrorBound, FallsWithTheRootOfLight) {
 }
 
 TEST(ErrorBound, IsThePriorWithoutLight) {
-  const Scene scene = wall_with_plate();
+  const Scene scene = bundled_scene("tmf8828_wall");
   BoundOptions options = small();
   options.exposures = 1e-6;
   options.ambient = 1e4;
@@ -70,7 +66,7 @@ TEST(ErrorBound, IsThePriorWithoutLight) {
 
 // Behind the wall no light goes: whatever is noticed there is a false alarm.
 TEST(ErrorBound, NoticesNothingWhereNoLightGoes) {
-  Scene scene = wall_with_plate();
+  Scene scene = bundled_scene("tmf8828_wall");
   scene.unknowns.front().lower = 0.8;
   scene.unknowns.front().upper = 1.2;
   PoseVector pose = testing_scenes::stated_pose(scene);
@@ -82,7 +78,7 @@ TEST(ErrorBound, NoticesNothingWhereNoLightGoes) {
 
 // Without any other light the first photon is noticed, and one of a hundred captures holds one.
 TEST(ErrorBound, NoticesNoMoreThanThereArePhotons) {
-  Scene scene = wall_with_plate();
+  Scene scene = bundled_scene("tmf8828_wall");
   scene.linear.direct = LinearMode::fixed;
   scene.linear.fixed_direct = 0;
   BoundOptions options = small();
@@ -95,7 +91,7 @@ TEST(ErrorBound, NoticesNoMoreThanThereArePhotons) {
 
 // Errors of fits: no smaller than the bound, and not much larger where there is light.
 TEST(ErrorBound, HoldsForFits) {
-  const Scene scene = wall_with_plate();
+  const Scene scene = bundled_scene("tmf8828_wall");
   const PoseVector truth = testing_scenes::stated_pose(scene);
   const double photons = 20000;
   FitOptions fast;
@@ -127,7 +123,7 @@ TEST(ErrorBound, HoldsForFits) {
 }
 
 TEST(ErrorBound, RefusesWhatMakesNoSense) {
-  Scene scene = wall_with_plate();
+  Scene scene = bundled_scene("tmf8828_wall");
   BoundOptions options = small();
   options.exposures = 0;
   EXPECT_THAT(message_of([&] { ErrorBound(scene, sensor_placement(scene), options); }),

@@ -16,15 +16,11 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/forward/transport/forward_model.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {
 namespace {
-
-Scene shipped(const std::string& name) {
-  return read_scene(std::string(SOURCE_DIR) + "/scenes/" + name + ".json");
-}
 
 /// Captures of an instrument at random poses of the search region, by the reference renderer.
 /// Gaussian noise by the instrument's own law, ambient light as given.
@@ -98,7 +94,7 @@ std::vector<Capture> empty_captures(const Scene& scene, int count, const Histogr
 // Photons vary by their number. 1152 bins leave a standard deviation of 4 % (root of 2 / 1152), of
 // which four are tolerated.
 TEST(Calibration, OneEmptyCaptureOfPhotonsVariesByTheirNumber) {
-  const Scene scene = shipped("tmf8828_wall");
+  const Scene scene = bundled_scene("tmf8828_wall");
   const auto renderer = make_reference_renderer(scene, sensor_placement(scene));
   const LinearValues linear{1, scene.linear.fixed_ambient, scene.linear.fixed_direct, 1};
   CalibrationOptions options;
@@ -110,7 +106,7 @@ TEST(Calibration, OneEmptyCaptureOfPhotonsVariesByTheirNumber) {
 
 /// The mirrors' scene with bright light, and an instrument that differs from it.
 struct Differing {
-  Scene scene = shipped("cheapspad_mirrors");
+  Scene scene = bundled_scene("cheapspad_mirrors");
   Scene instrument = scene;
   Differing() {
     instrument.sensor.bin_width *= 1.01;
@@ -366,7 +362,7 @@ TEST(Calibration, FindsStaticBackgroundAndUnusableBins) {
 
 // Few photons, and few captures: chance leaves bins empty or fills them, and none is condemned.
 TEST(Calibration, SparseCountsHaveNoBackground) {
-  Scene scene = shipped("cheapspad_mirrors");
+  Scene scene = bundled_scene("cheapspad_mirrors");
   scene.sensor.noise = PoissonNoise{};
   for (Zone& zone : scene.sensor.zones) zone.first_valid_bin = 0;
   const HistogramCube nothing(scene.sensor.rows, scene.sensor.columns, scene.sensor.bins);
@@ -405,7 +401,7 @@ TEST(Calibration, KeepsAStatedBackgroundThatItCannotSee) {
 
 // A direct return twice as bright as stated, its scale free: the background is one for all scales.
 TEST(Calibration, BackgroundIsNotScaledTwice) {
-  Scene scene = shipped("denali_like");
+  Scene scene = bundled_scene("denali_like");
   ASSERT_EQ(scene.linear.direct, LinearMode::per_zone);
   Scene instrument = scene;
   for (Zone& zone : instrument.sensor.zones) {
@@ -429,7 +425,7 @@ TEST(Calibration, BackgroundIsNotScaledTwice) {
 
 // Without an object one capture will do where photons are counted: their noise is known.
 TEST(Calibration, MeasuresTheBackgroundOfAnEmptyScene) {
-  Scene scene = shipped("cheapspad_mirrors");
+  Scene scene = bundled_scene("cheapspad_mirrors");
   scene.sensor.noise = PoissonNoise{};
   for (Zone& zone : scene.sensor.zones) zone.first_valid_bin = 0;
   Scene instrument = scene;
@@ -457,7 +453,7 @@ TEST(Calibration, MeasuresTheBackgroundOfAnEmptyScene) {
 
 // A Lambertian scene, rendered pair by pair and calibrated with the fast model.
 TEST(Calibration, FindsTimeZeroAndGainOfALambertianScene) {
-  Scene scene = shipped("person_vl53l8ch");
+  Scene scene = bundled_scene("person_vl53l8ch");
   scene.sensor.noise = GaussianNoise{.variance_floor = 100, .variance_per_count = 1};
   scene.linear.ambient = LinearMode::per_zone;
   Scene instrument = scene;

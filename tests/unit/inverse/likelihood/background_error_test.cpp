@@ -10,8 +10,8 @@
 #include <random>
 #include <utility>
 
-#include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/credible_level.h"
+#include "bundled.h"
 #include "forward/transport/scene_transport.h"
 #include "unit/test_scenes.h"
 
@@ -22,7 +22,7 @@ using namespace testing_scenes;
 
 /// The wall's own light and that of its partition.
 Scene wall(double albedo) {
-  Scene scene = read_scene(SOURCE_DIR "/scenes/tmf8828_wall.json");
+  Scene scene = bundled_scene("tmf8828_wall");
   scene.surfaces.front().albedo = albedo;
   return scene;
 }
@@ -116,7 +116,7 @@ TEST(BackgroundError, OfBrightCapturesIsMended) {
 // summed over bins, is to a capture with N photons of the object N times this: below 1 for each
 // bin up to some thousand photons. What is carried for it must be no less than it is.
 TEST(BackgroundError, OfABrightCornerIsSmallAndCarried) {
-  const Scene scene = read_scene(SOURCE_DIR "/scenes/reference_floor_corner_light.json");
+  const Scene scene = bundled_scene("reference_floor_corner_light");
   const auto reference = make_reference_renderer(scene, sensor_placement(scene));
   const HistogramCube& dense = reference->static_background();
   const HistogramCube object = reference->three_bounce(stated_pose(scene));
@@ -180,7 +180,7 @@ TEST(BackgroundError, IsNoObjectHoweverBrightTheRoom) {
 // coarser one says by how much more it may be off, and no capture is so bright that a finer one is
 // sampled after all.
 TEST(BackgroundError, OfLightInTimeIsStated) {
-  const Scene scene = read_scene(SOURCE_DIR "/scenes/crossing_cyclist.json");
+  const Scene scene = bundled_scene("crossing_cyclist");
   const auto transport = make_scene_transport(scene);
   ASSERT_TRUE(transport->static_background()->any_coarser());
   SensorPlacement elsewhere = sensor_placement(scene);
@@ -225,7 +225,7 @@ TEST(BackgroundError, OfLightInTimeIsStated) {
 }
 
 TEST(BackgroundError, IsAsUsualWhereLightTakesLittleTime) {
-  const Scene scene = read_scene(SOURCE_DIR "/scenes/aisle_crossing.json");
+  const Scene scene = bundled_scene("aisle_crossing");
   const auto transport = make_scene_transport(scene);
   EXPECT_TRUE(transport->static_background()->any_bounces());
   EXPECT_FALSE(transport->static_background()->any_coarser());

@@ -10,7 +10,7 @@
 
 #include "blindcorner/forward/constants.h"
 #include "blindcorner/forward/transport/forward_model.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "inverse/search/compiled_scene.h"
 
 namespace blindcorner {
@@ -136,8 +136,7 @@ TEST(LeaveOneOut, IsThatOfFitsWithoutEachNode) {
 // An oblique floor whose shadows bend: what the model says of its own error is what other poses of
 // the same region find, in log likelihood, within the spread of forty of them.
 TEST(LocalModel, KnowsItsErrorOnAnObliqueFloor) {
-  const Scene scene =
-      read_scene(std::string(SOURCE_DIR) + "/scenes/reference_floor_corner_black.json");
+  const Scene scene = bundled_scene("reference_floor_corner_black");
   FastModelOptions options;
   options.tolerance = 0.02;
   const auto light = make_fast_model(scene, sensor_placement(scene), options);

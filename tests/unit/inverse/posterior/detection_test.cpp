@@ -8,7 +8,7 @@
 #include <cmath>
 #include <thread>
 
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "inverse/search/scoring.h"
 #include "unit/test_scenes.h"
 
@@ -19,7 +19,7 @@ constexpr int kCaptures = 32;
 
 class Detection : public testing::Test {
  protected:
-  Detection() : scene_(read_scene(SOURCE_DIR "/scenes/denali_like.json")) {
+  Detection() : scene_(bundled_scene("denali_like")) {
     for (int i = 0; i < 8; ++i) {
       PoseVector pose = testing_scenes::stated_pose(scene_);
       captures_.push_back(

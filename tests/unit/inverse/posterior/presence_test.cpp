@@ -9,7 +9,7 @@
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/forward/transport/forward_model.h"
 #include "blindcorner/inverse/fit.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "unit/test_scenes.h"
 
 namespace blindcorner {
@@ -18,7 +18,7 @@ namespace {
 /// A calibrated scene as `calibrate` makes it: the ambient light of each zone and the object's
 /// brightness have narrow priors.
 Scene calibrated_mirrors() {
-  Scene scene = read_scene(SOURCE_DIR "/scenes/cheapspad_mirrors.json");
+  Scene scene = bundled_scene("cheapspad_mirrors");
   const auto zones = static_cast<std::size_t>(scene.sensor.zone_count());
   scene.linear.ambient_prior.assign(zones, NormalPrior{100, 3});
   scene.linear.amplitude_prior = {1, 0.1};

@@ -8,13 +8,10 @@
 #include <cmath>
 #include <limits>
 
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
-
-/// Unknowns x, y and yaw of a plate on a floor.
-Scene plate() { return read_scene(SOURCE_DIR "/scenes/reference_floor_corner_black.json"); }
 
 constexpr double kAlong = 0.05;   // standard deviation along the ridge, m of x
 constexpr double kThin = 0.002;   // across it, m of y
@@ -62,7 +59,7 @@ struct BentRidge {
 // Two standard deviations along it a bent ridge is fifteen of the peak's away from the peak's
 // axis: no Student t about the peak draws there.
 TEST(Ridge, ComponentsFollowABend) {
-  const Scene scene = plate();
+  const Scene scene = bundled_scene("reference_floor_corner_black");
   const Peak peak = peak_of(scene);
   const BentRidge ridge{peak.center, 3};
   ASSERT_GT(mahalanobis2(scene, peak, ridge.at(2)), 15 * 15);
@@ -75,7 +72,7 @@ TEST(Ridge, ComponentsFollowABend) {
 
 // What is as likely as the peak beyond a valley of six units of log posterior is reached.
 TEST(Ridge, ComponentsCrossAValley) {
-  const Scene scene = plate();
+  const Scene scene = bundled_scene("reference_floor_corner_black");
   const Peak peak = peak_of(scene);
   const PoseVector other = peak.center + Eigen::Vector3d(7 * kAlong, 0, 0);
   const auto log_target = [&](const PoseVector& pose) {
@@ -92,7 +89,7 @@ TEST(Ridge, ComponentsCrossAValley) {
 
 // A Gaussian needs no components far from its peak, and few evaluations tell.
 TEST(Ridge, GaussianTakesFewEvaluations) {
-  const Scene scene = plate();
+  const Scene scene = bundled_scene("reference_floor_corner_black");
   const Peak peak = peak_of(scene);
   const BentRidge straight{peak.center, 0};
   std::atomic<int> asked = 0;
@@ -110,7 +107,7 @@ TEST(Ridge, GaussianTakesFewEvaluations) {
 
 // The prior's end is the ridge's.
 TEST(Ridge, EndsWhereThePriorDoes) {
-  const Scene scene = plate();
+  const Scene scene = bundled_scene("reference_floor_corner_black");
   const Peak peak = peak_of(scene);
   const BentRidge straight{peak.center, 0};
   const double end = peak.center[0] + 1.2 * kAlong;

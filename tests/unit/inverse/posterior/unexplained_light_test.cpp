@@ -8,13 +8,11 @@
 #include <random>
 
 #include "blindcorner/inverse/fit.h"
-#include "blindcorner/io/scene_file.h"
 #include "blindcorner/simulation/drawn_objects.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
-
-Scene plate_scene() { return read_scene(std::string(SOURCE_DIR) + "/scenes/denali_like.json"); }
 
 /// Scores with this covariance, as many directions as it has.
 Eigen::MatrixXd correlated(int count) {
@@ -62,7 +60,7 @@ TEST(ScoreTest, FreedomCountsIndependentScores) {
 
 /// How many fits of captures, drawn as the scene says but for `wrong`, are flagged.
 int flagged(const std::string& wrong, int captures) {
-  const Scene scene = plate_scene();
+  const Scene scene = bundled_scene("denali_like");
   FitOptions options;
   options.importance_samples = 0;
   options.empty_captures = 0;

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "blindcorner/forward/constants.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
@@ -18,14 +18,10 @@ std::unique_ptr<CompiledScene> compiled(const Scene& scene) {
   return compile(scene, {sensor_placement(scene)}, FitOptions{}, grid);
 }
 
-Scene shipped_scene(const std::string& name) {
-  return read_scene(std::string(SOURCE_DIR) + "/scenes/" + name + ".json");
-}
-
 // A level that is no finer than the one before moves nothing, and what moves nothing passes for
 // exact: lobes that are summed as pairs from the first level on had four levels alike.
 TEST(ModelLevels, OfWideLobesAreEachFinerThanTheLast) {
-  Scene scene = shipped_scene("tmf8828_wall");
+  Scene scene = bundled_scene("tmf8828_wall");
   scene.hidden.material = RetroreflectiveMaterial{8 * kDegree};
   const auto known = compiled(scene);
   ASSERT_TRUE(known->models_at(0).front()->sampling_step()->lobe_pairs);
@@ -40,7 +36,7 @@ TEST(ModelLevels, OfWideLobesAreEachFinerThanTheLast) {
 // Cells as small from the first level on left the partition's shadow on the plate where it was,
 // with 0.3 to 0.6 % of the light, at every level.
 TEST(ModelLevels, OfAMattObjectEndWithFinerCellsOnIt) {
-  const auto known = compiled(shipped_scene("tmf8828_wall"));
+  const auto known = compiled(bundled_scene("tmf8828_wall"));
   const ModelSize first = known->models_at(1).front()->size().value();
   const ModelSize last = known->models_at(kModelLevels - 1).front()->size().value();
   EXPECT_GE(last.object_points, 2 * first.object_points);
@@ -48,7 +44,7 @@ TEST(ModelLevels, OfAMattObjectEndWithFinerCellsOnIt) {
 
 // Sums over patches of a matt object are cheap at every level and count for nothing.
 TEST(ModelLevels, OfPairsThatCostMoreThanAskedAreLeftOut) {
-  Scene scene = shipped_scene("tmf8828_wall");
+  Scene scene = bundled_scene("tmf8828_wall");
   const auto matt = compiled(scene);
   EXPECT_EQ(matt->models_within(1, 1), &matt->models_at(1));
   scene.hidden.material = RetroreflectiveMaterial{8 * kDegree};
@@ -63,7 +59,7 @@ TEST(ModelLevels, OfPairsThatCostMoreThanAskedAreLeftOut) {
 // here, and a wedge's light, which turns with its yaw, was never looked at where it was.
 TEST(ClosedFormTemplates, AreAsManyAsMayBeWhateverThePulse) {
   for (const double sigma : {0.1e-9, 3e-9}) {
-    Scene scene = shipped_scene("tmf8828_wall");
+    Scene scene = bundled_scene("tmf8828_wall");
     scene.sensor.response = ImpulseResponse(GaussianResponse{sigma});
     GridOptions grid;
     grid.closed_form = true;
@@ -76,7 +72,7 @@ TEST(ClosedFormTemplates, AreAsManyAsMayBeWhateverThePulse) {
 
 // A tracked frame scores nothing and should not pay for it.
 TEST(ClosedFormTemplates, AreRenderedWhenSomebodyAsks) {
-  const auto known = compiled(shipped_scene("tmf8828_wall"));
+  const auto known = compiled(bundled_scene("tmf8828_wall"));
   const std::size_t before = known->bytes();
   EXPECT_EQ(known->templates().poses(), known->poses.size());
   EXPECT_EQ(known->bytes(), before + known->templates().bytes());

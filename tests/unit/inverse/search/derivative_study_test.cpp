@@ -9,7 +9,7 @@
 #include <random>
 #include <string>
 
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "inverse/search/difference_steps.h"
 
 namespace blindcorner {
@@ -51,7 +51,7 @@ class ShippedDerivatives : public testing::TestWithParam<const char*> {};
 // (or at 2 % by a shadow's edge, 0.5 % elsewhere), and the whole error is at most 5 %, 1 % without
 // occluders.
 TEST_P(ShippedDerivatives, DefaultStepsSitOnThePlateau) {
-  const Scene scene = read_scene(std::string(SOURCE_DIR) + "/scenes/" + GetParam() + ".json");
+  const Scene scene = bundled_scene(GetParam());
   FastModelOptions options;
   options.tolerance = 0.04;
   const auto model = make_fast_model(scene, sensor_placement(scene), options);

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "inverse/likelihood/pose_objective.h"
 #include "inverse/posterior/fisher_information.h"
 #include "inverse/search/compiled_scene.h"
@@ -26,7 +26,7 @@ class PolishOnSpline : public testing::TestWithParam<std::string> {
   static constexpr int kCaptures = 4;
 
   void SetUp() override {
-    scene_ = read_scene(std::string(SOURCE_DIR) + "/scenes/" + GetParam() + ".json");
+    scene_ = bundled_scene(GetParam());
     const SensorPlacement sensor = sensor_placement(scene_);
     GridOptions without;
     without.spline = false;
@@ -119,7 +119,7 @@ class SettleOnModel : public testing::Test {
     return pose;
   }
 
-  Scene scene_ = read_scene(std::string(SOURCE_DIR) + "/scenes/tmf8828_wall.json");
+  Scene scene_ = bundled_scene("tmf8828_wall");
   std::unique_ptr<CompiledScene> compiled_;
   Capture capture_;
   Observation observed_;

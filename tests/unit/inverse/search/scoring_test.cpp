@@ -9,7 +9,7 @@
 #include <memory>
 #include <random>
 
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 #include "inverse/likelihood/pose_objective.h"
 #include "inverse/search/compiled_scene.h"
 #include "unit/test_scenes.h"
@@ -43,7 +43,7 @@ class Scoring : public testing::Test {
     return most;
   }
 
-  Scene scene_ = read_scene(SOURCE_DIR "/scenes/denali_like.json");
+  Scene scene_ = bundled_scene("denali_like");
   std::unique_ptr<CompiledScene> compiled_ = compile(scene_, {sensor_placement(scene_)}, {}, {});
   std::mt19937_64 random_{3};
 };

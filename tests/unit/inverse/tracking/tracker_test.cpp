@@ -22,7 +22,7 @@
 #include "blindcorner/forward/error.h"
 #include "blindcorner/forward/sensor/photon_noise.h"
 #include "blindcorner/forward/transport/forward_model.h"
-#include "blindcorner/io/scene_file.h"
+#include "bundled.h"
 
 namespace blindcorner {
 namespace {
@@ -652,7 +652,7 @@ class CaptureLikelihood : public testing::Test {
 
   PoseVector pose_at(double share) const { return blindcorner::pose_at(scene, share); }
 
-  const Scene scene = read_scene(SOURCE_DIR "/scenes/denali_like.json");
+  const Scene scene = bundled_scene("denali_like");
   const Fitter fitter{scene, no_empty_captures()};
 };
 
@@ -703,7 +703,7 @@ TEST_F(CaptureLikelihood, ASplineThatIsCorrectedLeadsToWhereTheModelsHaveTheObje
 
 TEST(CaptureLikelihoodOfPairs, RoughPairsThatAreCorrectedLeadToWhereTheModelsHaveTheObject) {
   // Pairs of a wide lobe, and no spline: coarser pairs lead.
-  const Scene scene = read_scene(SOURCE_DIR "/scenes/tmf8828_floor.json");
+  const Scene scene = bundled_scene("tmf8828_floor");
   FitOptions options;
   options.empty_captures = 0;
   const Fitter fitter(scene, options);
