@@ -11,7 +11,8 @@ docs/figures.json names every run: its commands, the files and folders of the so
 on, an estimate of how long it takes, and for each figure where its value is read from. `run` takes names of runs or
 of figures, executes the commands with bash in the repository's root (PATH begins with the build folder,
 OUT names an empty folder), and stores docs/figures/RUN.json: values, intervals, the program's version
-and commit, machine, date and time. Only Python's standard library is needed.
+and commit, machine, date and time. Only Python's standard library is needed. A run's files stay in
+build/figures/RUN: where a value could not be read, `run --kept RUN` reads it once docs/figures.json is mended.
 
 Markers in a page, all invisible where Markdown is shown:
 
@@ -372,7 +373,7 @@ def program_version(program):
 
 
 def execute(root, build, name, run):
-    """Runs the commands. Returns (folder of the files, what was printed, seconds)."""
+    """Runs the commands, which leave their files and output.txt. Returns how long it took, s."""
     out = root / "build/figures" / name
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
@@ -386,21 +387,35 @@ def execute(root, build, name, run):
     (out / "output.txt").write_text(done.stdout, encoding="utf-8")
     if done.returncode not in run.get("exit_codes", [0]):
         raise Problem(f"run {name} ended with {done.returncode}; the end of its output:\n{done.stdout[-2000:]}")
-    return out, done.stdout, seconds
+    return seconds
+
+
+def kept_path(root, name):
+    """What is known of a run whose files are still there, before any value is read from them."""
+    return root / "build/figures" / name / "run.json"
 
 
 def measure(root, build, definitions, name):
-    run = definitions["runs"][name]
+    """Executes a run and stores its values."""
     version, commit, modified = program_version(build / "blindcorner")
     where = machine()
-    out, output, seconds = execute(root, build, name, run)
-    figures = {key: measured(key, figure, out, output)
-               for key, figure in definitions["figures"].items() if figure["run"] == name}
-    record = {
+    seconds = execute(root, build, name, definitions["runs"][name])
+    kept_path(root, name).write_text(json.dumps({
         "run": name, "version": version, "commit": commit, "modified": modified,
-        "date": datetime.date.today().isoformat(), "machine": where,
-        "seconds": round(seconds, 1), "figures": figures,
-    }
+        "date": datetime.date.today().isoformat(), "machine": where, "seconds": round(seconds, 1),
+    }), encoding="utf-8")
+    return store_values(root, definitions, name)
+
+
+def store_values(root, definitions, name):
+    """Reads a run's values from the files that it left, and stores them."""
+    kept = kept_path(root, name)
+    if not kept.exists():
+        raise Problem(f"run {name}: {kept.relative_to(root)} is missing: its files are not there any more")
+    record = json.loads(kept.read_text(encoding="utf-8"))
+    output = (kept.parent / "output.txt").read_text(encoding="utf-8")
+    record["figures"] = {key: measured(key, figure, kept.parent, output)
+                         for key, figure in definitions["figures"].items() if figure["run"] == name}
     stored_path(root, name).write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     return record
 
@@ -429,19 +444,22 @@ def chosen_runs(arguments, pages):
 def command_run(root, arguments):
     pages = Pages(root)
     build = Path(arguments.build).resolve()
-    if not (build / "blindcorner").exists():
+    if not arguments.kept and not (build / "blindcorner").exists():
         raise Problem(f"{build}/blindcorner is missing; ./bootstrap.sh fit builds it")
     failed = 0
     for name in chosen_runs(arguments, pages):
-        if pages.definitions["runs"][name].get("quiet") and not arguments.busy:
+        if pages.definitions["runs"][name].get("quiet") and not arguments.busy and not arguments.kept:
             here = machine()
             if is_busy({"machine": here}):
                 print(f"{name}: left out, it measures times and other programs want the machine (load "
                       f"{here['load']}, {here['cores']} cores; --busy)")
                 continue
-        print(f"{name}: {pages.minutes(name):.1f} minutes or so", flush=True)
         try:
-            record = measure(root, build, pages.definitions, name)
+            if arguments.kept:
+                record = store_values(root, pages.definitions, name)
+            else:
+                print(f"{name}: {pages.minutes(name):.1f} minutes or so", flush=True)
+                record = measure(root, build, pages.definitions, name)
         except Problem as problem:
             failed += 1
             print(f"figures.py: {problem}", file=sys.stderr)
@@ -505,6 +523,8 @@ def main():
     run.add_argument("--all", action="store_true", help="every run")
     run.add_argument("--longest", type=float, metavar="MINUTES", help="leave longer runs out")
     run.add_argument("--busy", action="store_true", help="measure times on a busy machine, too")
+    run.add_argument("--kept", action="store_true",
+                     help="read the values again from the files that the last run left")
     run.add_argument("--build", default=ROOT / "build/release", help="folder of the program")
     commands.add_parser("write", help="write the stored values into the pages")
     commands.add_parser("check", help="compare the pages with the stored values")

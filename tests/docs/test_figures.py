@@ -187,6 +187,24 @@ class Figures(unittest.TestCase):
         self.assertIn("figure error: 0 values fit", self.figures("run", "study", code=1))
         self.assertIn("run: found nonsense", self.figures("run", "nonsense", code=2))
 
+    def test_values_that_could_not_be_read_are_read_from_what_the_run_left(self):
+        definitions = json.loads(json.dumps(DEFINITIONS))
+        definitions["figures"]["time"]["read"]["output"] = r"took ([\d.]+) s"
+        path = self.root / "docs/figures.json"
+        path.write_text(json.dumps(definitions))
+        self.assertIn("0 values fit", self.figures("run", "study", code=1))
+        self.assertFalse((self.root / "docs/figures/study.json").exists())
+
+        path.write_text(json.dumps(DEFINITIONS))
+        (self.root / "build/release/blindcorner").unlink()
+        self.figures("run", "--kept", "study")
+        stored = json.loads((self.root / "docs/figures/study.json").read_text())
+        self.assertEqual(stored["figures"]["time"]["value"], 12.5)
+        self.assertEqual(stored["version"], "1.2.3")
+
+        shutil.rmtree(self.root / "build/figures")
+        self.assertIn("build/figures/study/run.json is missing", self.figures("run", "--kept", "study", code=1))
+
     def test_a_plain_figure_needs_its_age_beside_it(self):
         self.figures("run", "study")
         (self.root / "README.md").write_text(PAGE.replace("<!-- age:study --><!-- /age -->", ""))
