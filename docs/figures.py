@@ -297,7 +297,7 @@ def cells(path, where, column):
     return [row[column] for row in rows]
 
 
-def candidates(source, out, output):
+def candidates(source, out):
     """All values that a `read` of docs/figures.json names: at a JSON pointer, in cells of a CSV file,
     or groups of a regular expression in a file or in what the commands print."""
     if "json" in source:
@@ -305,16 +305,16 @@ def candidates(source, out, output):
             return [read_pointer(json.load(file), source["pointer"])]
     if "csv" in source:
         return cells(out / source["csv"], source["where"], source["column"])
-    text = output if "output" in source else (out / source["file"]).read_text(encoding="utf-8")
+    text = (out / ("output.txt" if "output" in source else source["file"])).read_text(encoding="utf-8")
     return re.findall(source.get("output") or source["regex"], text, re.MULTILINE)
 
 
 REDUCE = {"max": max, "min": min, "sum": sum, "median": statistics.median}
 
 
-def read_value(source, out, output):
+def read_value(source, out):
     """One value of those candidates: the only one, their number, or what `reduce` makes of them."""
-    values = candidates(source, out, output)
+    values = candidates(source, out)
     reduce = source.get("reduce")
     if reduce == "count":
         return len(values)
@@ -332,12 +332,12 @@ def scaled(value, figure):
     return value * figure["scale"] if "scale" in figure and not isinstance(value, str) else value
 
 
-def measured(name, figure, out, output):
+def measured(name, figure, out):
     try:
-        entry = {"value": scaled(read_value(figure["read"], out, output), figure)}
+        entry = {"value": scaled(read_value(figure["read"], out), figure)}
         for end in ("low", "high"):
             if end in figure:
-                entry[end] = scaled(read_value(figure[end], out, output), figure)
+                entry[end] = scaled(read_value(figure[end], out), figure)
     except Problem as problem:
         raise Problem(f"figure {name}: {problem}") from None
     except (OSError, KeyError, IndexError, ValueError, StopIteration) as error:
@@ -391,7 +391,7 @@ def execute(root, build, name, run):
 
 
 def kept_path(root, name):
-    """What is known of a run whose files are still there, before any value is read from them."""
+    """What is known of the last run, beside the files that it left."""
     return root / "build/figures" / name / "run.json"
 
 
@@ -399,22 +399,27 @@ def measure(root, build, definitions, name):
     """Executes a run and stores its values."""
     version, commit, modified = program_version(build / "blindcorner")
     where = machine()
-    seconds = execute(root, build, name, definitions["runs"][name])
-    kept_path(root, name).write_text(json.dumps({
+    run = definitions["runs"][name]
+    seconds = execute(root, build, name, run)
+    record = {
         "run": name, "version": version, "commit": commit, "modified": modified,
         "date": datetime.date.today().isoformat(), "machine": where, "seconds": round(seconds, 1),
-    }), encoding="utf-8")
+    }
+    kept_path(root, name).write_text(
+        json.dumps({"commands": run["commands"], "record": record}), encoding="utf-8")
     return store_values(root, definitions, name)
 
 
 def store_values(root, definitions, name):
     """Reads a run's values from the files that it left, and stores them."""
-    kept = kept_path(root, name)
-    if not kept.exists():
-        raise Problem(f"run {name}: {kept.relative_to(root)} is missing: its files are not there any more")
-    record = json.loads(kept.read_text(encoding="utf-8"))
-    output = (kept.parent / "output.txt").read_text(encoding="utf-8")
-    record["figures"] = {key: measured(key, figure, kept.parent, output)
+    path = kept_path(root, name)
+    if not path.exists():
+        raise Problem(f"run {name}: {path.relative_to(root)} is missing; docs/figures.py run {name} makes it")
+    kept = json.loads(path.read_text(encoding="utf-8"))
+    if kept["commands"] != definitions["runs"][name]["commands"]:
+        raise Problem(f"run {name}: its files are of other commands; docs/figures.py run {name} makes new ones")
+    record = kept["record"]
+    record["figures"] = {key: measured(key, figure, path.parent)
                          for key, figure in definitions["figures"].items() if figure["run"] == name}
     stored_path(root, name).write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     return record

@@ -202,6 +202,9 @@ class Figures(unittest.TestCase):
         self.assertEqual(stored["figures"]["time"]["value"], 12.5)
         self.assertEqual(stored["version"], "1.2.3")
 
+        definitions["runs"]["study"]["commands"] = ["blindcorner more"]
+        path.write_text(json.dumps(definitions))
+        self.assertIn("its files are of other commands", self.figures("run", "--kept", "study", code=1))
         shutil.rmtree(self.root / "build/figures")
         self.assertIn("build/figures/study/run.json is missing", self.figures("run", "--kept", "study", code=1))
 
